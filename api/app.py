@@ -1,0 +1,105 @@
+"""The application: routes, error documents and the pool of workers behind them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.openapi.utils import get_openapi
+from pydantic.json_schema import models_json_schema
+from starlette.exceptions import HTTPException
+
+from api import routes_drives, routes_kinematics, routes_maps, routes_operations, routes_plans
+from api.answers import Problem
+from api.errors import FieldErrors, Refusal, problem_response
+from api.maps import MapStore
+from api.metrics import Metrics
+from api.middleware import Envelope
+from api.schemas import ForwardRequest, InverseRequest, PlanRequest
+from api.settings import Settings
+from api.workers import Pool
+from planner.errors import PlanningError
+
+__all__ = ["create_app"]
+
+_ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_maps, routes_operations)
+
+
+def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
+    """The service as an ASGI application. The pool is started and closed with it."""
+    workers = pool or Pool(settings.workers, settings.queue_length, preload=["api.warm"])
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        workers.start()
+        yield
+        await workers.close()
+
+    app = FastAPI(
+        title="wheelplan",
+        version=version("wheelplan"),
+        description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
+        lifespan=lifespan,
+        redoc_url=None,
+    )
+    app.state.settings = settings
+    app.state.pool = workers
+    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps)
+    app.state.metrics = Metrics(workers)
+    app.state.decoding = asyncio.Lock()
+    for routes in _ROUTES:
+        app.include_router(routes.router)
+    app.add_middleware(Envelope, metrics=app.state.metrics)
+    for refused in (Refusal, PlanningError):
+        app.add_exception_handler(refused, _refused)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(RequestValidationError, _invalid_parameter)
+    app.openapi = lambda: _openapi(app, settings)  # type: ignore[method-assign]
+    return app
+
+
+async def _refused(_: Request, error: Exception) -> Response:
+    assert isinstance(error, Refusal | PlanningError)
+    return problem_response(error)
+
+
+async def _http_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    code = {404: "not-found", 405: "method-not-allowed"}.get(error.status_code, "internal-error")
+    detail = {
+        "not-found": "There is nothing at this path.",
+        "method-not-allowed": f"{request.method[:20]} is not offered here.",
+    }.get(code, str(error.detail))
+    return problem_response(Refusal(code, detail), error.headers)
+
+
+async def _invalid_parameter(_: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    errors = [
+        {"parameter": str(e["loc"][-1]), "detail": f"{e['loc'][-1]}: {e['msg']}."} for e in error.errors()
+    ]
+    return problem_response(FieldErrors(errors))
+
+
+def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
+    """FastAPI's document, with the schemas of the bodies that we read ourselves."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title, version=app.version, description=app.description, routes=app.routes
+        )
+        bodies = [(model, "validation") for model in (PlanRequest, InverseRequest, ForwardRequest)]
+        answers = [(Problem, "serialization")]
+        template = "#/components/schemas/{model}"
+        _, extra = models_json_schema([*bodies, *answers], ref_template=template)  # type: ignore[list-item]
+        schemas = document.setdefault("components", {}).setdefault("schemas", {})
+        schemas.update(extra["$defs"])
+        for unused in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(unused, None)
+        schemas["OptionsSchema"]["properties"]["time_budget"]["maximum"] = settings.max_time_budget
+        app.openapi_schema = document
+    return app.openapi_schema

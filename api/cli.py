@@ -1,0 +1,116 @@
+"""The command `wheelplan`: serve, plan one request without a server, list the drives."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from api.settings import Settings
+
+__all__ = ["main"]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command; its exit status."""
+    parser = _parser()
+    asked = parser.parse_args(arguments)
+    try:
+        settings = Settings.from_environment()
+    except ValueError as error:
+        parser.error(str(error))
+    if asked.command == "serve":
+        given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
+        from api.server import serve  # every command is quicker without what the others need
+
+        return serve(replace(settings, **given))
+    if asked.command == "plan":
+        return plan_file(asked, settings)
+    from api.routes_drives import catalogue
+
+    _write(catalogue(), None)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="wheelplan", description="Trajectory planning for wheeled robots.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    serve_command = commands.add_parser("serve", help="run the HTTP service")
+    serve_command.add_argument("--host", help="address to listen on (WHEELPLAN_HOST, 127.0.0.1)")
+    serve_command.add_argument("--port", type=int, help="port to listen on (WHEELPLAN_PORT, 8000)")
+    plan_command = commands.add_parser("plan", help="plan one request, without a server")
+    plan_command.add_argument("request", type=Path, help="what you would post to /v1/plans, as a file")
+    plan_command.add_argument("--map", type=Path, help="map_server yaml that becomes environment.map")
+    plan_command.add_argument("-o", "--output", type=Path, help="where the plan goes (standard output)")
+    plan_command.add_argument("--picture", type=Path, help="draw the plan to this file")
+    commands.add_parser("drives", help="list the drives, with a JSON schema and an example each")
+    return parser
+
+
+def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
+    """Plans one request in this process; 1, and the problem on standard error, where there is no plan."""
+    from api.convert import to_problem
+    from api.errors import Refusal, problem_document
+    from api.maps import MapStore, decode_map
+    from api.planning import plan_document
+    from api.schemas import PlanRequest
+    from api.strict_json import MalformedJson, read_json
+    from api.validation import validated
+    from planner.errors import PlanningError
+
+    with tempfile.TemporaryDirectory(prefix="wheelplan-") as scratch:
+        try:
+            request = read_json(asked.request.read_bytes())
+            maps = MapStore(settings.data_dir / "maps", settings.max_maps)
+            if asked.map is not None:
+                maps = MapStore(Path(scratch), 1)
+                description = asked.map.read_bytes()
+                decoded = decode_map(description, _image_of(asked.map).read_bytes(), settings.max_map_cells)
+                map_id = maps.add(decoded)[0]["id"]
+                request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
+            problem = to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
+            plan = orjson.loads(orjson.dumps(plan_document(problem), option=orjson.OPT_SERIALIZE_NUMPY))
+        except MalformedJson as error:
+            return _refuse(problem_document(Refusal("malformed-json", str(error))))
+        except (Refusal, PlanningError) as error:
+            return _refuse(problem_document(error))
+        except OSError as error:
+            print(f"wheelplan: {error}", file=sys.stderr)
+            return 2
+        _write(plan, asked.output)
+        if asked.picture is not None:
+            from api.picture import draw_plan
+
+            draw_plan(request, plan, asked.picture, asked.map)
+    return 0
+
+
+def _image_of(map_yaml: Path) -> Path:
+    import yaml
+
+    described = yaml.safe_load(map_yaml.read_text())
+    return map_yaml.parent / str(described["image"])
+
+
+def _write(document: Any, to: Path | None) -> None:
+    text = orjson.dumps(
+        document, option=orjson.OPT_SERIALIZE_NUMPY | (orjson.OPT_INDENT_2 if to is None else 0)
+    )
+    if to is None:
+        sys.stdout.buffer.write(text + b"\n")
+    else:
+        to.write_bytes(text + b"\n")
+
+
+def _refuse(document: dict[str, Any]) -> int:
+    sys.stderr.buffer.write(orjson.dumps(document, option=orjson.OPT_INDENT_2) + b"\n")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

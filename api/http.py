@@ -1,0 +1,101 @@
+"""What all routes share: reading bodies within bounds, writing JSON, and documenting both."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import anyio
+import orjson
+from pydantic import BaseModel
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.types import Message
+
+from api.errors import CODES, PROBLEM_JSON, Refusal
+from api.negotiation import choose
+from api.settings import Settings
+from api.strict_json import MalformedJson, read_json
+from api.validation import validated
+
+__all__ = ["bounded", "json_only", "json_response", "problems", "read_model", "request_body", "settings_of"]
+
+Model = TypeVar("Model", bound=BaseModel)
+_LARGE = 1 << 16
+
+
+def settings_of(request: Request) -> Settings:
+    settings: Settings = request.app.state.settings
+    return settings
+
+
+def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> Response:
+    return Response(
+        orjson.dumps(content, option=orjson.OPT_SERIALIZE_NUMPY), status, headers, "application/json"
+    )
+
+
+def json_only(request: Request) -> None:
+    """Dependency of routes that answer in JSON: refuses a client who would not read it."""
+    choose(request.headers.get("accept"), ["application/json"])
+
+
+async def read_model(request: Request, model: type[Model]) -> Model:
+    """The JSON body as a model.
+
+    Raises Refusal: unsupported-media-type, payload-too-large, malformed-json, invalid-request.
+    """
+    media_type, _, parameters = request.headers.get("content-type", "").partition(";")
+    charset = parameters.lower().replace('"', "").replace(" ", "").partition("charset=")[2] or "utf-8"
+    if media_type.strip().lower() != "application/json" or charset not in ("utf-8", "utf8"):
+        raise Refusal("unsupported-media-type", "Send the body as Content-Type: application/json, in UTF-8.")
+    body = bytearray()
+    async for chunk in bounded(request, settings_of(request).max_body_bytes).stream():
+        body += chunk
+
+    def read() -> Model:
+        try:
+            return validated(model, read_json(bytes(body)))
+        except MalformedJson as error:
+            raise Refusal("malformed-json", str(error)) from None
+
+    # A large body must not hold up the other clients.
+    return await anyio.to_thread.run_sync(read) if len(body) > _LARGE else read()
+
+
+def bounded(request: Request, limit: int) -> Request:
+    """The same request, whose body must not exceed `limit` bytes. Raises Refusal, here or while it is read."""
+    too_large = Refusal("payload-too-large", f"The body must not exceed {limit} bytes.", limit=limit)
+    if request.headers.get("content-encoding", "identity").lower() != "identity":
+        raise Refusal("unsupported-media-type", "Send the body without a Content-Encoding.")
+    length = request.headers.get("content-length", "0")
+    if length.isdecimal() and int(length[:20]) > limit:
+        raise too_large
+    left = limit
+
+    async def receive() -> Message:
+        nonlocal left
+        message = await request.receive()
+        left -= len(message.get("body", b""))
+        if left < 0:
+            raise too_large
+        return message
+
+    return Request(request.scope, receive)
+
+
+def problems(*codes: str) -> dict[int | str, dict[str, Any]]:
+    """The `responses` of a route that may refuse with these codes."""
+    by_status: dict[int | str, list[str]] = {}
+    for code in (*codes, "not-acceptable", "internal-error"):
+        by_status.setdefault(CODES[code][0], []).append(code)
+    schema = {"$ref": "#/components/schemas/Problem"}
+    return {
+        status: {"description": ", ".join(sorted(found)), "content": {PROBLEM_JSON: {"schema": schema}}}
+        for status, found in sorted(by_status.items())
+    }
+
+
+def request_body(model: type[BaseModel]) -> dict[str, Any]:
+    """The `openapi_extra` of a route that reads this model."""
+    schema = {"$ref": f"#/components/schemas/{model.__name__}"}
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}

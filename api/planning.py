@@ -1,0 +1,105 @@
+"""What a worker does with one request: plan, and write the answer down as the bytes that the client gets."""
+
+from __future__ import annotations
+
+import gzip
+import time
+import uuid
+from dataclasses import asdict, fields
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import orjson
+
+from api.errors import Refusal
+from drives.se2 import Array
+from planner.errors import AuditFailed
+from planner.problem import Problem
+
+__all__ = ["Answer", "MediaType", "answer_plan", "plan_document"]
+
+MediaType = Literal["application/json", "text/csv"]
+
+
+class Answer(NamedTuple):
+    """The body of a response, and the seconds that planning took."""
+
+    body: bytes
+    seconds: float
+
+
+def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answer:
+    """Plans. Raises PlanningError, and Refusal where the map has been deleted meanwhile."""
+    began = time.perf_counter()
+    document = plan_document(problem)
+    seconds = time.perf_counter() - began
+    body = (
+        _csv(document)
+        if media_type == "text/csv"
+        else orjson.dumps(document, option=orjson.OPT_SERIALIZE_NUMPY)
+    )
+    # Level 1: level 9 takes ten times as long to save a few per cent more.
+    return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
+
+
+def plan_document(problem: Problem) -> dict[str, Any]:
+    """The contract's answer to a problem; its arrays are numpy's."""
+    # Only workers need the planner, and it takes seconds to import.
+    from planner.plan import plan
+
+    layer = problem.environment.map
+    try:
+        made = plan(problem)
+    except FileNotFoundError:
+        if layer is not None and not layer.directory.exists():
+            raise Refusal("unknown-map", f"The map {layer.id} has been deleted.") from None
+        raise
+    drive, schedule = problem.robot.drive, made.schedule
+    # JSON has no infinity, and orjson would write null without a word.
+    scalars = np.array([made.duration, made.length, *asdict(made.certificate).values()])
+    if not all(
+        np.isfinite(values).all()
+        for values in (scalars, *(getattr(schedule, f.name) for f in fields(schedule)))
+    ):
+        raise AuditFailed("The plan holds a number that is not finite.", {}, ["A number is not finite."])
+    wheels = zip(
+        drive.wheel_names,
+        schedule.wheel_angle.T, schedule.wheel_velocity.T, schedule.wheel_acceleration.T,
+        strict=True,
+    )  # fmt: skip
+    steering = zip(drive.steered_names, schedule.steering_angle.T, schedule.steering_rate.T, strict=True)
+    return {
+        "id": uuid.uuid4().hex,
+        "duration": made.duration,
+        "length": made.length,
+        "schedule": {
+            "time": _column(schedule.time),
+            "wheels": {
+                name: {"angle": _column(q), "velocity": _column(v), "acceleration": _column(a)}
+                for name, q, v, a in wheels
+            },
+            "steering": {name: {"angle": _column(q), "rate": _column(v)} for name, q, v in steering},
+        },
+        "trajectory": {
+            **{name: _column(schedule.pose[:, i]) for i, name in enumerate(("x", "y", "theta"))},
+            **{name: _column(schedule.twist[:, i]) for i, name in enumerate(("vx", "vy", "omega"))},
+        },
+        "certificate": asdict(made.certificate),
+        "planning": made.planning,
+    }
+
+
+def _csv(document: dict[str, Any]) -> bytes:
+    schedule, trajectory = document["schedule"], document["trajectory"]
+    columns = {
+        "time": schedule["time"],
+        **{name: trajectory[name] for name in ("x", "y", "theta")},
+        **{f"{name}.velocity": series["velocity"] for name, series in schedule["wheels"].items()},
+        **{f"{name}.steering": series["angle"] for name, series in schedule["steering"].items()},
+    }
+    rows = np.column_stack(list(columns.values())).tolist()
+    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows), ""]).encode()
+
+
+def _column(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,92 @@
+"""The collection /v1/maps."""
+
+from __future__ import annotations
+
+import anyio
+from fastapi import APIRouter, Depends, Request, Response
+from starlette.datastructures import UploadFile
+from starlette.exceptions import HTTPException
+
+from api.answers import MapAnswer, MapsAnswer
+from api.errors import FieldErrors, Refusal
+from api.http import bounded, json_only, json_response, problems, settings_of
+from api.maps import MapStore, decode_map
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/maps", tags=["maps"], dependencies=[Depends(json_only)])
+
+_PARTS = ("yaml", "image")
+_FORM = {
+    "type": "object",
+    "required": list(_PARTS),
+    "properties": {
+        "yaml": {"type": "string", "format": "binary", "description": "A ROS map_server file."},
+        "image": {"type": "string", "format": "binary", "description": "Its image, PGM (P2, P5) or PNG."},
+    },
+}
+
+
+def _store(request: Request) -> MapStore:
+    store: MapStore = request.app.state.maps
+    return store
+
+
+@router.post(
+    "",
+    summary="Upload a map",
+    status_code=201,
+    response_model=MapAnswer,
+    responses={
+        200: {"model": MapAnswer, "description": "The same map is in store already."},
+        **problems("unsupported-media-type", "payload-too-large", "invalid-request"),
+    },
+    openapi_extra={"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": _FORM}}}},
+)
+async def upload_map(request: Request) -> Response:
+    """Stores a map under the SHA-256 of its decoded content."""
+    settings, store = settings_of(request), _store(request)
+    description, image = await _parts(request, settings.max_map_bytes)
+    async with request.app.state.decoding:  # one at a time: a decoded map is large
+        decoded = await anyio.to_thread.run_sync(decode_map, description, image, settings.max_map_cells)
+        summary, new = await anyio.to_thread.run_sync(store.add, decoded)
+    return json_response(summary, 201 if new else 200, {"Location": f"/v1/maps/{summary['id']}"})
+
+
+@router.get("", summary="All maps", response_model=MapsAnswer, responses=problems())
+async def list_maps(request: Request) -> Response:
+    """The maps in store."""
+    return json_response({"maps": await anyio.to_thread.run_sync(_store(request).list)})
+
+
+@router.get("/{id}", summary="One map", response_model=MapAnswer, responses=problems("unknown-map"))
+async def get_map(request: Request, id: str) -> Response:
+    """What is known of one map."""
+    return json_response(_store(request).get(id))
+
+
+@router.delete("/{id}", summary="Delete a map", status_code=204, responses=problems("unknown-map"))
+async def delete_map(request: Request, id: str) -> Response:
+    """Forgets a map."""
+    await anyio.to_thread.run_sync(_store(request).delete, id)
+    return Response(status_code=204)
+
+
+async def _parts(request: Request, limit: int) -> list[bytes]:
+    if not request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+        raise Refusal("unsupported-media-type", "Send the map as multipart/form-data with yaml and image.")
+    try:
+        form = await bounded(request, limit).form(max_files=2, max_fields=2, max_part_size=limit)
+    except HTTPException as error:
+        raise FieldErrors([{"pointer": "", "detail": f"The form cannot be read: {error.detail}"}]) from None
+    async with form:
+        found, errors = [], []
+        for name in _PARTS:
+            part = form.get(name)
+            if part is None:
+                errors.append({"pointer": f"/{name}", "detail": f"{name} is missing."})
+            else:
+                found.append(await part.read() if isinstance(part, UploadFile) else part.encode())
+        if errors:
+            raise FieldErrors(errors)
+        return found

@@ -1,0 +1,61 @@
+"""The HTTP server process: uvicorn, with a shutdown that lets plans in flight finish."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import sys
+from types import FrameType
+
+import uvicorn
+from fastapi import FastAPI
+
+from api.app import create_app
+from api.settings import Settings
+
+__all__ = ["serve"]
+
+
+def serve(settings: Settings) -> int:
+    """Runs the HTTP service until a signal ends it."""
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
+    logging.getLogger("wheelplan").setLevel(logging.INFO)
+    app = create_app(settings)
+    config = uvicorn.Config(
+        app,
+        host=settings.host,
+        port=settings.port,
+        log_config=None,
+        access_log=False,
+        timeout_graceful_shutdown=5,
+        server_header=False,
+    )
+    server = _Server(config, app)
+    server.run()
+    return 0 if server.started else 1
+
+
+class _Server(uvicorn.Server):
+    """A first SIGTERM or SIGINT lets the plans in flight finish while probes still get their answers, and the exit
+    status is 0. A second one stops at once."""
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
+        super().__init__(config)
+        self.app = app
+        self.draining = False
+
+    async def serve(self, sockets: list[socket.socket] | None = None) -> None:
+        self.loop = asyncio.get_running_loop()
+        await super().serve(sockets)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        # Not uvicorn's own: it stops listening at once, and in the end raises the signal again.
+        if self.draining:
+            self.should_exit = self.force_exit = True
+        self.draining = True
+        asyncio.run_coroutine_threadsafe(self._drain(), self.loop)
+
+    async def _drain(self) -> None:
+        await self.app.state.pool.drain(self.app.state.settings.drain_grace)
+        self.should_exit = True

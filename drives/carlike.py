@@ -1,0 +1,112 @@
+"""Car-like drives: steered wheels in front, all pointing about one centre on the line of the rear axle.
+
+The body origin is the middle of the rear axle. A tricycle and an Ackermann car differ in their front wheels
+alone.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from drives.checks import lengths, refuse_sideways
+from drives.drive import ActuatorPath, BodyPath, Car, Drive, InadmissibleTwist, Limits, Mobility, WheelState
+from drives.se2 import Array, Twist
+from drives.steering import aim, steer
+from drives.wheel import rolling_row, sliding_row, solve_twist, velocity_at
+
+__all__ = ["CarLike"]
+
+TIGHTEST = 1 / 20
+"""Smallest turning radius, in wheelbases, that mobility() gives where the steering would allow to turn on the
+spot: there δ′ grows without bound, and no time law makes up for it."""
+
+
+@dataclass(frozen=True)
+class CarLike(Drive):
+    """wheel_radius m; wheelbase m, from the rear axle to the front wheels; track_width m, between the rear
+    wheels."""
+
+    steers_at_rest: ClassVar[bool] = True
+
+    wheel_radius: float
+    wheelbase: float
+    track_width: float
+
+    def __post_init__(self) -> None:
+        lengths(wheel_radius=self.wheel_radius, wheelbase=self.wheelbase, track_width=self.track_width)
+
+    @property
+    @abstractmethod
+    def _front(self) -> tuple[float, ...]:
+        """The y (m) of every front wheel, in the order of `steered_names`."""
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        return (*self.steered_names, "rear_left", "rear_right")
+
+    def mobility(self, limits: Limits) -> Mobility:
+        """The radius at the body origin at which the inner front wheel reaches its limit.
+
+        Where the limit is π/2 or more, or so near that the radius would be less, the wheelbase / 20 takes the
+        place of wheelbase / tan(limit).
+        """
+        limit = limits.steering_angle
+        radius = self.wheelbase / math.tan(limit) if limit < math.pi / 2 else 0.0
+        return Car(max(radius, TIGHTEST * self.wheelbase) + max(self._front))
+
+    def inverse(self, twist: Twist, steering: Array | None = None) -> WheelState:
+        row = np.array([twist], dtype=float)
+        refuse_sideways(self.kind, row)
+        x, y = self._points()
+        k = len(self._front)
+        # Nearest to 0 is the branch in [-π/2, π/2]: reversing keeps the angle and turns the rate round.
+        front = aim(x[:k], y[:k], self.wheel_radius, Twist(twist.vx, 0.0, twist.omega), np.zeros(k))
+        return WheelState(
+            np.concatenate([front.rates, self._rear(row)[0]]), front.steering, front.steering_rates
+        )
+
+    def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
+        x, y = self._points()
+        delta = np.hstack([steering, np.zeros((len(steering), 2))])
+        rows = np.concatenate([rolling_row(x, y, delta), sliding_row(x, y, delta)], axis=1)
+        return solve_twist(rows, np.hstack([rates * self.wheel_radius, np.zeros_like(delta)]))
+
+    def actuators(
+        self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf
+    ) -> ActuatorPath:
+        refuse_sideways(self.kind, path.tangent)
+        v, omega = np.abs(path.tangent[:, 0]), np.abs(path.tangent[:, 2])
+        # Between the front wheels their angles change sides: each may lie within the limit, but no steering
+        # gets there.
+        if steering_limit < np.pi / 2 and (v < (1 - 1e-9) * max(self._front) * omega).any():
+            raise InadmissibleTwist(f"it turns about a point between the wheels, where the {self.kind} drive cannot steer to")
+        x, y = self._points()
+        k = len(self._front)
+        level = BodyPath(path.s, path.heading, path.tangent * _LEVEL, path.tangent_derivative * _LEVEL)
+        front = steer(x[:k], y[:k], self.wheel_radius, level, np.zeros(k), steering_limit)
+        return ActuatorPath(
+            np.hstack([front.wheel, self._rear(path.tangent)]),
+            np.hstack([front.wheel_derivative, self._rear(path.tangent_derivative)]),
+            front.steering,
+            front.steering_derivative,
+        )
+
+    def _points(self) -> tuple[Array, Array]:
+        """Where the wheels stand: x (m,) and y (m,)."""
+        x = np.array([self.wheelbase] * len(self._front) + [0.0, 0.0])
+        return x, np.array([*self._front, self.track_width / 2, -self.track_width / 2])
+
+    def _rear(self, twists: Array) -> Array:
+        """Rates (n, 2) of the rear wheels at twists (n, 3)."""
+        x, y = self._points()
+        rates: Array = velocity_at(x[-2:], y[-2:], twists)[..., 0] / self.wheel_radius
+        return rates
+
+
+_LEVEL = np.array([1.0, 0.0, 1.0])
+"""Takes out the round-off in vy, so that the front angles stand exactly where the rear axle allows."""

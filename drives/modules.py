@@ -1,0 +1,60 @@
+"""Drives on independently steered modules."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from drives.checks import SHORTEST, count, distinct, lengths, number
+from drives.drive import Drive, Holonomic, InvalidDrive, Limits, Mobility
+from drives.se2 import Array
+from drives.wheel import Module, rolling_row, sliding_row, solve_twist
+
+__all__ = ["SteeredModules"]
+
+
+class SteeredModules(Drive):
+    """A drive whose m wheels all steer, each about its own axis. Subclasses hold the fields named here."""
+
+    wheel_radius: float
+    modules: tuple[Module, ...]
+
+    @property
+    def trail(self) -> float:
+        """How far (m) the contact of each wheel trails its steering axis."""
+        return 0.0
+
+    def __post_init__(self) -> None:
+        lengths(wheel_radius=self.wheel_radius)
+        count("modules", len(self.modules), 2)
+        distinct("modules", [m.name for m in self.modules])
+        for m in self.modules:
+            number(f"modules: x of {m.name!r}", m.x)
+            number(f"modules: y of {m.name!r}", m.y)
+        x, y = self._axes
+        spread = float(np.hypot(x - x[0], y - y[0]).max())
+        if spread < SHORTEST:
+            raise InvalidDrive(f"modules: all within {spread:g} m, less than {SHORTEST:g}", "modules")
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        return tuple(m.name for m in self.modules)
+
+    @property
+    def steered_names(self) -> tuple[str, ...]:
+        return self.wheel_names
+
+    def mobility(self, limits: Limits) -> Mobility:
+        return Holonomic()
+
+    def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
+        x, y = self._axes
+        rows = np.concatenate([rolling_row(x, y, steering), sliding_row(x, y, steering, self.trail)], axis=1)
+        return solve_twist(rows, np.hstack([rates * self.wheel_radius, steering_rates * self.trail]))
+
+    @cached_property
+    def _axes(self) -> tuple[Array, Array]:
+        """Where the steering axes stand: x (m,) and y (m,)."""
+        x, y = np.array([[m.x, m.y] for m in self.modules], dtype=float).T
+        return x, y

@@ -1,0 +1,349 @@
+"""Shortest curves of bounded curvature between two poses: Dubins and Reeds–Shepp words, as segments.
+
+A word is a sequence of at most five segments (curvature, signed length): an arc to the left (L, curvature
+1/radius), to the right (R, -1/radius) or a straight (S, 0), driven forwards (+) or backwards (-).
+
+The kernels may be called from compiled code. They measure lengths in turning radii and take the goal as
+(x, y, phi) in the frame of the start: x forward, y left, phi counter-clockwise in rad.
+
+Derivation, in the complex plane. An arc of curvature k through z, heading h, turns about z + i·k·e^{ih}. So
+at a joint of heading h a change of curvature to k' moves the centre by i·(k' - k)·e^{ih}, and a straight of
+signed length d moves it by d·e^{ih}. Together they carry the first centre, i·k1, to the last, x + i·y +
+i·kn·e^{i·phi}. The modulus of this difference D gives the length u in the word's middle, its argument the
+heading h of the first joint, hence the first arc t, and phi the last arc v.
+
+Nine base words, starting L+, are solved so; swapping left and right, forwards and backwards, or the order of
+travel makes the others of Reeds and Shepp (1990, §8). Dubins (1957) keeps the words without a minus and adds
+one more, whose middle arc exceeds π.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar, cast
+
+import numpy as np
+from numba import njit
+
+from drives.se2 import Array, Pose, Twist, between, compose, exp, wrap
+
+__all__ = [
+    "Word",
+    "candidates",
+    "dubins_words",
+    "reeds_shepp_words",
+    "shortest_length",
+    "shortest_word",
+    "warm_up",
+    "word_length",
+]
+
+_F = TypeVar("_F", bound=Callable[..., object])
+
+
+def _kernel(function: _F) -> _F:
+    return cast(_F, njit(cache=True, error_model="numpy")(function))
+
+
+_TWO_PI = 2 * math.pi
+# Rounding turns an arc of zero into one of nearly 2π: arcs (rad) and straights (radii) below _SNAP are zero.
+# What this moves the end by, 3·_SNAP of the distance at most, is within what a word may miss its goal by.
+_SNAP = 1e-10
+_MISS = 1e-9
+# On the edge of a word's region u would be the root of a rounding error: squares, cosines so near are on it.
+_EDGE = 1e-13
+# Equal lengths differ by rounding, and so do positions: by less than this they are equal.
+_TIE = 1e-12
+
+_LSL, _LSR, _LRL, _LRBL, _LRLR, _LRLR_INNER, _LRSL, _LRSR, _LRSLR, _LRL_LONG = range(10)
+# Every segment's turn, direction and length: t, u, v are solved for, q is π/2.
+_BASE = (
+    "L+t S+u L+v",  # 8.1
+    "L+t S+u R+v",  # 8.2
+    "L+t R-u L+v",  # 8.3
+    "L+t R-u L-v",  # 8.4
+    "L+t R+u L-u R-v",  # 8.7
+    "L+t R-u L-u R+v",  # 8.8
+    "L+t R-q S-u L-v",  # 8.9
+    "L+t R-q S-u R-v",  # 8.10
+    "L+t R-q S-u L-q R+v",  # 8.11
+    "L+t R+u L+v",  # Dubins
+)
+_SWAPS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+# One row a word: its base, then -1 if direction, side, order of travel are swapped. Dubins' six come first,
+# and the 48 start among them. Swapping the order makes new words of 8.4, 8.9, 8.10 only.
+_ROWS = np.array(
+    [(base, 1, side, 1) for base in (_LRL_LONG, _LSL, _LSR) for side in (1, -1)]
+    + [(base, -1, side, 1) for base in (_LSL, _LSR) for side in (1, -1)]
+    + [(base, *swap, 1) for base in range(_LRL, _LRL_LONG) for swap in _SWAPS]
+    + [(base, *swap, -1) for base in (_LRBL, _LRSL, _LRSR) for swap in _SWAPS]
+)
+_DUBINS_END, _RS_START, _RS_END = 6, 2, len(_ROWS)
+
+# Of every row's segments the curvature, (50, 5), and the length's coefficients of t, u, v, π/2, (50, 5, 4).
+_CURVATURE, _COEFFICIENT = np.zeros((len(_ROWS), 5)), np.zeros((len(_ROWS), 5, 4))
+# Of every base, (10, 6): the last curvature; the sense of the last arc, left or right; then the coefficients
+# of u and π/2 in the distance, and in the turn, from the first joint to the last.
+_SHAPE = np.zeros((len(_BASE), 6))
+
+
+def _fill_tables() -> None:
+    words = [
+        [("RSL".index(k) - 1, 1 if d == "+" else -1, "tuvq".index(n)) for k, d, n in map(tuple, word.split())]
+        for word in _BASE
+    ]
+    for row, (base, direction, side, order) in enumerate(_ROWS.tolist()):
+        for i, (turn, sign, part) in enumerate(words[base][::order]):
+            _CURVATURE[row, i] = side * turn
+            _COEFFICIENT[row, i, part] = direction * sign
+    for base, (_, *inner, (turn_last, sign_last, _)) in enumerate(words):
+        _SHAPE[base, :2] = turn_last, turn_last * sign_last
+        for turn, sign, part in inner:
+            _SHAPE[base, [2, 4] if part == 1 else [3, 5]] += 1, turn * sign
+
+
+_fill_tables()
+
+
+@_kernel
+def _arc(angle: float) -> float:
+    """The angle in [0, 2π), zero where it is zero but for rounding."""
+    angle -= _TWO_PI * math.floor(angle / _TWO_PI)
+    return 0.0 if angle < _SNAP or angle > _TWO_PI - _SNAP else angle
+
+
+@_kernel
+def _root(square: float) -> float:
+    """The square root, zero where the square is zero but for rounding, NaN where it is negative."""
+    return 0.0 if abs(square) < 4 * _EDGE else float(np.sqrt(square))
+
+
+@_kernel
+def _acos(cosine: float) -> float:
+    """The arc cosine, zero where the cosine is one but for rounding, NaN where it is above."""
+    return 0.0 if abs(1 - cosine) < _EDGE else float(np.arccos(cosine))
+
+
+@_kernel
+def _solve(
+    row: int, x: float, y: float, phi: float, s: float, c: float, bound: float
+) -> tuple[float, float, float, float]:
+    """(length, t, u, v) of a word, s and c being sin and cos of phi; length inf where none is below bound."""
+    base, direction, side = _ROWS[row, 0], _ROWS[row, 1], _ROWS[row, 2]
+    if _ROWS[row, 3] < 0:
+        x, y = x * c + y * s, x * s - y * c
+    x, y = direction * x, side * y
+    phi, s = direction * side * phi, direction * side * s
+    k_last, sense, distance_u, distance_q, turn_u, turn_q = _SHAPE[base]
+    d_x, d_y = x - k_last * s, y + k_last * c - 1
+    square = d_x * d_x + d_y * d_y
+    rho = math.sqrt(square)
+
+    # The modulus of D gives u; angle is h less the argument of D.
+    if base == _LSL:  # D = u·e^{ih}
+        u, angle = rho, 0.0
+    elif base == _LSR:  # D = (u - 2i)·e^{ih}
+        u = _root(square - 4)
+        angle = math.atan2(2.0, u)
+    elif base in (_LRL, _LRBL):  # D = -4·sin(u/2)·e^{i(h + u/2)}
+        u = math.pi - 2 * _acos(rho / 4)
+        angle = math.pi - u / 2
+    elif base == _LRL_LONG:  # D = 4·sin(u/2)·e^{i(h - u/2)}
+        u = math.pi + 2 * _acos(rho / 4)
+        angle = u / 2
+    elif base == _LRLR:  # D = 2i·(1 - 2·cos u)·e^{i(h - u)}; of the two u the shorter
+        u = _acos((2 + rho) / 4)
+        angle = math.pi / 2 + u
+    elif base == _LRLR_INNER:  # D = 2i·(e^{iu} - 2)·e^{ih}
+        u = _acos((20 - square) / 16)
+        angle = -math.pi / 2 - math.atan2(math.sin(u), math.cos(u) - 2)
+    elif base == _LRSR:  # D = -(u + 2)·e^{i(h + π/2)}
+        u = rho - 2
+        angle = math.pi / 2
+    else:  # D = (2i - u - 2)·e^{i(h + π/2)}, and 2 more beside u where there is another quarter turn
+        leg = _root(square - 4)
+        u = leg - 2 * distance_q
+        angle = -math.atan2(2.0, -leg) - math.pi / 2
+    distance = distance_u * u + distance_q * (math.pi / 2)
+    if not (u > -_SNAP and distance < bound):  # u is NaN where there is no word
+        return math.inf, 0.0, 0.0, 0.0
+    if u < _SNAP:
+        u = 0.0
+
+    h = math.atan2(d_y, d_x) + angle
+    if base == _LSL:
+        # The argument of a short D is rounding. If the position cannot tell h from the start's or the goal's
+        # heading, it is that one.
+        if rho * abs(h) < _TIE:
+            h = 0.0
+        elif rho * abs(math.sin((h - phi) / 2)) < _TIE and math.cos(h - phi) > 0:
+            h = phi
+    t = _arc(h)
+    v = _arc(sense * (phi - h - turn_u * u - turn_q * (math.pi / 2)))
+    length = t + distance + v
+    return (length if length < bound else math.inf), t, u, v
+
+
+@_kernel
+def _segment_length(row: int, i: int, t: float, u: float, v: float) -> float:
+    of = _COEFFICIENT[row, i]
+    return of[0] * t + of[1] * u + of[2] * v + of[3] * (math.pi / 2)  # type: ignore[no-any-return]
+
+
+@_kernel
+def _reaches(row: int, t: float, u: float, v: float, x: float, y: float, s: float, c: float) -> bool:
+    """Whether the word, rolled out segment by segment, ends at the goal."""
+    x_end, y_end, heading, s_end, c_end = 0.0, 0.0, 0.0, 0.0, 1.0
+    for i in range(5):
+        curvature, length = _CURVATURE[row, i], _segment_length(row, i, t, u, v)
+        if curvature == 0:
+            x_end, y_end = x_end + length * c_end, y_end + length * s_end
+        else:
+            heading += curvature * length
+            s_next, c_next = math.sin(heading), math.cos(heading)
+            x_end, y_end = x_end + curvature * (s_next - s_end), y_end - curvature * (c_next - c_end)
+            s_end, c_end = s_next, c_next
+    error = abs(x_end - x) + abs(y_end - y) + abs(s_end - s) + abs(c_end - c)
+    return error <= _MISS * (1 + abs(x) + abs(y))
+
+
+@_kernel
+def _words(start: int, end: int, x: float, y: float, phi: float) -> tuple[Array, Array, int]:
+    curvature, length = np.zeros((end - start, 5)), np.zeros((end - start, 5))
+    s, c = math.sin(phi), math.cos(phi)
+    count = 0
+    for row in range(start, end):
+        total, t, u, v = _solve(row, x, y, phi, s, c, math.inf)
+        if total < math.inf and _reaches(row, t, u, v, x, y, s, c):
+            for i in range(5):
+                curvature[count, i] = _CURVATURE[row, i]
+                length[count, i] = _segment_length(row, i, t, u, v)
+            count += 1
+    return curvature, length, count
+
+
+@_kernel
+def _shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, float, float, float, float]:
+    """(row, length, t, u, v) of the shortest word; inf and NaN where there is none."""
+    best = (0, math.inf, math.nan, math.nan, math.nan)
+    s, c = math.sin(phi), math.cos(phi)
+    for row in range(_RS_START if reverse else 0, _RS_END if reverse else _DUBINS_END):
+        total, t, u, v = _solve(row, x, y, phi, s, c, best[1] - _TIE)
+        if total < math.inf and _reaches(row, t, u, v, x, y, s, c):
+            best = (row, total, t, u, v)
+    return best
+
+
+@_kernel
+def reeds_shepp_words(x: float, y: float, phi: float) -> tuple[Array, Array, int]:
+    """Every one of the 48 words of Reeds and Shepp (1990, §8) that reaches the goal, unsorted.
+
+    Arcs go up to 2π, beyond any in a shortest word; inner arcs take the smaller of their two values. Returns
+    curvature (48, 5) of -1, 0, 1, signed length (48, 5) in radii, and the number of words; zeros follow them.
+    """
+    return _words(_RS_START, _RS_END, x, y, phi)
+
+
+@_kernel
+def dubins_words(x: float, y: float, phi: float) -> tuple[Array, Array, int]:
+    """Every word of Dubins (1957), LRL, RLR, LSL, RSR, LSR, RSL, that reaches the goal, unsorted.
+
+    Returns curvature (6, 5), length (6, 5) and number as reeds_shepp_words does; no length is negative.
+    """
+    return _words(0, _DUBINS_END, x, y, phi)
+
+
+@_kernel
+def shortest_word(x: float, y: float, phi: float, reverse: bool) -> tuple[Array, Array]:
+    """The shortest word: of Reeds and Shepp with reverse, of Dubins without. Of equal words the first wins.
+
+    Returns curvature (5,) of -1, 0, 1 and signed length (5,) in radii, NaN where the goal is not finite.
+    """
+    curvature, length = np.zeros(5), np.zeros(5)
+    row, _, t, u, v = _shortest(x, y, phi, reverse)
+    for i in range(5):
+        curvature[i] = _CURVATURE[row, i]
+        length[i] = _segment_length(row, i, t, u, v)
+    return curvature, length
+
+
+@_kernel
+def shortest_length(x: float, y: float, phi: float, reverse: bool) -> float:
+    """The length of shortest_word, in turning radii, without the word; inf where the goal is not finite."""
+    return _shortest(x, y, phi, reverse)[1]
+
+
+@_kernel
+def word_length(length: Array) -> float:
+    """The distance travelled along a word whose segments have these signed lengths, shape (n,), any unit."""
+    total = 0.0
+    for i in range(length.shape[0]):
+        total += abs(length[i])
+    return total
+
+
+def warm_up() -> None:
+    """Compile every kernel, or load it from numba's cache, for the types used in production."""
+    reeds_shepp_words(1.0, 0.5, 0.25)
+    dubins_words(1.0, 0.5, 0.25)
+    shortest_length(1.0, 0.5, 0.25, True)
+    word_length(shortest_word(1.0, 0.5, 0.25, True)[1])
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """Segments (curvature in 1/m, left positive; length in m, negative backwards), in order of travel."""
+
+    segments: tuple[tuple[float, float], ...]
+
+    @property
+    def length(self) -> float:
+        """The distance travelled, m."""
+        return math.fsum(abs(length) for _, length in self.segments)
+
+    def end(self, start: Pose) -> Pose:
+        """The pose that the word leads to from this start; its heading counts whole turns."""
+        pose = start
+        for curvature, length in self.segments:
+            pose = compose(pose, exp(Twist(length, 0.0, curvature * length)))
+        return pose
+
+
+def candidates(start: Pose, goal: Pose, radius: float, reverse: bool) -> list[Word]:
+    """The distinct words from start to goal (world frame), shortest first, equal ones in kernel order.
+
+    They are those of Reeds and Shepp with reverse, of Dubins without; none turns tighter than radius (m).
+    Empty segments are left out and ones that continue others joined: identical poses give an empty word.
+
+    Raises:
+        ValueError: radius is not positive, or a number is not finite.
+    """
+    if not (math.isfinite(radius) and radius > 0 and all(map(math.isfinite, (*start, *goal)))):
+        raise ValueError(f"poses must be finite and radius positive: {start=}, {goal=}, {radius=}")
+    relative = between(start, goal)
+    kernel = reeds_shepp_words if reverse else dubins_words
+    curvature, length, count = kernel(relative.x / radius, relative.y / radius, wrap(relative.theta))
+    words: list[Word] = []
+    for ks, ls in zip(curvature[:count].tolist(), length[:count].tolist(), strict=True):
+        word = _joined([(k / radius, radius * part) for k, part in zip(ks, ls, strict=True) if part != 0])
+        if not any(_same(word, other, 1e-9 * radius) for other in words):
+            words.append(word)
+    return sorted(words, key=lambda word: round(word.length / radius, 9))
+
+
+def _joined(segments: list[tuple[float, float]]) -> Word:
+    joined: list[tuple[float, float]] = []
+    for curvature, length in segments:
+        if joined and joined[-1][0] == curvature and (joined[-1][1] > 0) == (length > 0):
+            length += joined.pop()[1]
+        joined.append((curvature, length))
+    return Word(tuple(joined))
+
+
+def _same(a: Word, b: Word, tolerance: float) -> bool:
+    return len(a.segments) == len(b.segments) and all(
+        k_a == k_b and abs(l_a - l_b) <= tolerance
+        for (k_a, l_a), (k_b, l_b) in zip(a.segments, b.segments, strict=True)
+    )

@@ -1,0 +1,163 @@
+"""A path of the body: pieces q(s), s in [0, 1], cut where the robot must stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drives.drive import BodyPath
+from drives.se2 import Array, Pose, Twist, compose, exp
+
+__all__ = ["LinePiece", "Path", "Piece", "TwistPiece", "arc", "end_pose", "merge", "path_length", "pivot"]
+
+_SAME_TWIST = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class TwistPiece:
+    """A constant body twist held for s in [0, 1]: an arc, a straight line, or a turn on the spot."""
+
+    start: Pose
+    twist: Twist
+
+    @property
+    def end(self) -> Pose:
+        return compose(self.start, exp(self.twist))
+
+    @property
+    def length(self) -> float:
+        """Way of the body origin, m."""
+        return math.hypot(self.twist.vx, self.twist.vy)
+
+    @property
+    def turn(self) -> float:
+        """Change of heading, rad."""
+        return self.twist.omega
+
+    def turned(self, turns: float) -> TwistPiece:
+        """The same piece with `turns` rad, a multiple of 2π, added to its headings."""
+        return replace(self, start=_turned(self.start, turns))
+
+    def poses(self, s: Array) -> Array:
+        """Poses (n, 3) in the world frame at s (n,)."""
+        vx, vy, omega = self.twist
+        half = omega * s / 2
+        chord = s * np.sinc(half / math.pi)
+        c, d = np.cos(self.start.theta + half), np.sin(self.start.theta + half)
+        x = self.start.x + chord * (c * vx - d * vy)
+        y = self.start.y + chord * (d * vx + c * vy)
+        return np.stack([x, y, self.start.theta + omega * s], -1)
+
+    def tangents(self, s: Array) -> Array:
+        """Tangents (n, 3) in the body frame, per unit of s."""
+        return np.tile(np.array(self.twist, dtype=np.float64), (len(s), 1))
+
+    def part(self, a: float, b: float) -> TwistPiece:
+        """The piece between s = a and s = b."""
+        start = compose(self.start, exp(Twist(*(a * v for v in self.twist))))
+        return TwistPiece(start, Twist(*((b - a) * v for v in self.twist)))
+
+    def body_path(self, s: Array) -> BodyPath:
+        tangent = self.tangents(s)
+        return BodyPath(s, self.start.theta + self.twist.omega * s, tangent, np.zeros_like(tangent))
+
+
+@dataclass(frozen=True, slots=True)
+class LinePiece:
+    """A straight line of the body origin in the world, the heading changing in proportion (OMPL's SE(2) edge).
+
+    start.theta and end.theta are unwrapped: the turn is their difference.
+    """
+
+    start: Pose
+    end: Pose
+
+    @property
+    def length(self) -> float:
+        return math.hypot(self.end.x - self.start.x, self.end.y - self.start.y)
+
+    @property
+    def turn(self) -> float:
+        return self.end.theta - self.start.theta
+
+    def turned(self, turns: float) -> LinePiece:
+        """The same piece with `turns` rad, a multiple of 2π, added to its headings."""
+        return LinePiece(_turned(self.start, turns), _turned(self.end, turns))
+
+    def poses(self, s: Array) -> Array:
+        a, b = np.array(self.start), np.array(self.end)
+        return a + np.multiply.outer(s, b - a)
+
+    def tangents(self, s: Array) -> Array:
+        """Tangents (n, 3) in the body frame, per unit of s."""
+        dx, dy = self.end.x - self.start.x, self.end.y - self.start.y
+        heading = self.start.theta + self.turn * s
+        c, d = np.cos(heading), np.sin(heading)
+        return np.stack([c * dx + d * dy, -d * dx + c * dy, np.full_like(s, self.turn)], -1)
+
+    def part(self, a: float, b: float) -> LinePiece:
+        """The piece between s = a and s = b."""
+        return LinePiece(*(Pose(*pose) for pose in self.poses(np.array([a, b])).tolist()))
+
+    def body_path(self, s: Array) -> BodyPath:
+        tangent = self.tangents(s)
+        vx, vy, turn = tangent.T
+        derivative = np.stack([turn * vy, -turn * vx, np.zeros_like(s)], -1)
+        return BodyPath(s, self.start.theta + self.turn * s, tangent, derivative)
+
+
+Piece = TwistPiece | LinePiece
+Path = tuple[Piece, ...]
+
+
+def arc(start: Pose, curvature: float, length: float) -> TwistPiece:
+    """Drive `length` m (negative: backwards) on a curve of `curvature` 1/m (positive: left)."""
+    return TwistPiece(start, Twist(length, 0.0, curvature * length))
+
+
+def pivot(start: Pose, turn: float) -> TwistPiece:
+    """Turn on the spot by `turn` rad."""
+    return TwistPiece(start, Twist(0.0, 0.0, turn))
+
+
+def _turned(pose: Pose, turns: float) -> Pose:
+    return Pose(pose.x, pose.y, pose.theta + turns)
+
+
+def end_pose(path: Path) -> Pose:
+    return path[-1].end
+
+
+def path_length(path: Path) -> float:
+    """Way of the body origin, m."""
+    return sum(piece.length for piece in path)
+
+
+def merge(pieces: Iterable[Piece]) -> Path:
+    """The same path without empty pieces, and with neighbours joined where the motion simply goes on."""
+    out: list[Piece] = []
+    for piece in pieces:
+        if piece.length < 1e-12 and abs(piece.turn) < 1e-12:
+            continue
+        joined = _join(out[-1], piece) if out else None
+        if joined is None:
+            out.append(piece)
+        else:
+            out[-1] = joined
+    return tuple(out)
+
+
+def _join(a: Piece, b: Piece) -> Piece | None:
+    """One piece for both, if the direction of the tangent in the body frame does not change between them."""
+    if isinstance(a, TwistPiece) and isinstance(b, TwistPiece):
+        u, v = np.array(a.twist), np.array(b.twist)
+        if u @ v > 0 and np.linalg.norm(u / np.linalg.norm(u) - v / np.linalg.norm(v)) < _SAME_TWIST * 1e3:
+            return TwistPiece(a.start, Twist(*(u + v)))
+    if isinstance(a, LinePiece) and isinstance(b, LinePiece):
+        u, v = np.array(a.end) - np.array(a.start), np.array(b.end) - np.array(b.start)
+        if u @ v > 0 and np.linalg.norm(u / np.linalg.norm(u) - v / np.linalg.norm(v)) < _SAME_TWIST * 1e3:
+            return LinePiece(a.start, b.end)
+    return None

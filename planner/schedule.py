@@ -1,0 +1,65 @@
+"""Trajectory → WheelSchedule: what leaves the planner, on the client's time grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from drives.se2 import Array
+
+__all__ = ["Trajectory", "WheelSchedule", "schedule", "standstill"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WheelSchedule:
+    """A motion sampled at 0, period, 2 period, …, duration (the last step may be shorter).
+
+    time (n,) s; wheel_angle, wheel_velocity, wheel_acceleration (n, m) rad, rad/s, rad/s²; steering_angle,
+    steering_rate (n, k) rad, rad/s; pose (n, 3) in the world frame, theta continuous; twist (n, 3) in the body
+    frame. Columns are in the drive's order of wheels and of steered wheels. At rest at both ends.
+    """
+
+    time: Array
+    wheel_angle: Array
+    wheel_velocity: Array
+    wheel_acceleration: Array
+    steering_angle: Array
+    steering_rate: Array
+    pose: Array
+    twist: Array
+
+
+class Trajectory(Protocol):
+    """A motion of body and actuators as a function of time, whoever made it."""
+
+    @property
+    def duration(self) -> float:
+        """s."""
+
+    def sample(self, time: Array) -> WheelSchedule:
+        """The motion at times (n,), increasing within [0, duration]."""
+
+
+def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
+    """The trajectory at 0, period, 2 period, …, duration."""
+    duration = trajectory.duration
+    steps = int(np.floor(duration / period * (1 + 1e-12)))
+    time = np.arange(steps + 1) * period
+    # A last step so short that its differences are rounding is left out.
+    if duration - time[-1] > 1e-6 * period or steps == 0:
+        time = np.append(time, duration)
+    else:
+        time[-1] = duration
+    out = trajectory.sample(time)
+    for column in (out.time, out.wheel_angle, out.wheel_velocity, out.wheel_acceleration, out.steering_angle,
+                   out.steering_rate, out.pose, out.twist):  # fmt: skip
+        column.flags.writeable = False
+    return out
+
+
+def standstill(pose: Array, wheels: int, steering: Array) -> WheelSchedule:
+    """The single sample of a robot that is where it should be: pose (3,), steering (k,)."""
+    rest, still = np.zeros((1, wheels)), np.zeros((1, len(steering)))
+    return WheelSchedule(np.zeros(1), rest, rest, rest, steering[None], still, pose[None], np.zeros((1, 3)))

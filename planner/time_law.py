@@ -1,0 +1,334 @@
+"""Path → Trajectory: when to be where, as fast as the wheels allow. The only file that imports toppra and ruckig.
+
+Everything happens in actuator space (see drives.drive). Along one piece, with w(s), w′(s) of every wheel and δ′(s) of
+every steered one, the limits are linear in (s̈, ṡ²), which is what TOPPRA solves (Pham and Pham, 2018). Where w is
+constant they do not depend on s at all, and Ruckig's state-to-state law is exact, jerk included (Berscheid and
+Kröger, 2021). Between pieces the robot is at rest; there the steered wheels are turned to where the next piece
+needs them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+from toppra.algorithm import TOPPRA
+from toppra.constraint import DiscretizationType, LinearConstraint
+from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
+from toppra.interpolator import AbstractGeometricPath
+
+from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
+from drives.se2 import Array, Pose
+from planner.errors import LimitsInfeasible
+from planner.path import Path, Piece
+from planner.schedule import WheelSchedule
+
+__all__ = ["TimedPath", "duration_estimate", "time_path"]
+
+_GRID_START, _GRID_MAX = 96, 3000
+_STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
+"""Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid interval."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i], jerk[i].
+    time has one entry more than the others, its last is the duration."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+
+    @property
+    def duration(self) -> float:
+        return float(self.time[-1])
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """s in [0, 1], ṡ and s̈ at times t (n,)."""
+        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.position) - 1)
+        u = t - self.time[i]
+        p, v, a, j = self.position[i], self.velocity[i], self.acceleration[i], self.jerk[i]
+        s = p + u * (v + u * (a / 2 + u * j / 6))
+        return np.clip(s, 0.0, 1.0), v + u * (a + u * j / 2), a + u * j
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """One piece, driven by a profile. steering (k,): where the wheels stand as it begins."""
+
+    piece: Piece
+    profile: Profile
+    grid: Array
+    steering: Array
+
+    @property
+    def duration(self) -> float:
+        return self.profile.duration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Steer:
+    """The body at rest while steered wheels turn, each at a constant rate."""
+
+    pose: Pose
+    before: Array
+    after: Array
+    duration: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimedPath:
+    """A Trajectory: pieces driven one after the other, at rest between them, steering where it must."""
+
+    drive: Drive
+    phases: tuple[_Motion | _Steer, ...]
+
+    @property
+    def duration(self) -> float:
+        return math.fsum(phase.duration for phase in self.phases)
+
+    def sample(self, time: Array) -> WheelSchedule:
+        """The motion at times (n,), which must increase from 0 to the duration."""
+        n, m, k = len(time), len(self.drive.wheel_names), len(self.drive.steered_names)
+        out = WheelSchedule(
+            time, *(np.zeros((n, m)) for _ in range(3)), *(np.zeros((n, k)) for _ in range(2)),
+            *(np.zeros((n, 3)) for _ in range(2)),
+        )  # fmt: skip
+        begin, angle = 0.0, np.zeros(m)
+        for phase in self.phases:
+            last = phase is self.phases[-1]
+            lo = int(np.searchsorted(time, begin, side="left"))
+            hi = n if last else int(np.searchsorted(time, begin + phase.duration, side="left"))
+            rows, local = slice(lo, hi), np.clip(time[lo:hi] - begin, 0.0, phase.duration)
+            if isinstance(phase, _Steer):
+                rate = (phase.after - phase.before) / phase.duration
+                out.wheel_angle[rows] = angle
+                out.steering_angle[rows] = phase.before + np.multiply.outer(local, rate)
+                out.steering_rate[rows] = rate
+                out.pose[rows] = phase.pose
+            else:
+                angle = _drive_piece(self.drive, phase, local, out, rows, angle)
+            begin += phase.duration
+        # A plan begins and ends at rest, and a steering rate may jump there: report the side that is rest.
+        for i in (0, -1):
+            out.steering_rate[i] = out.wheel_velocity[i] = out.twist[i] = 0.0
+        return out
+
+
+def _drive_piece(
+    drive: Drive, motion: _Motion, local: Array, out: WheelSchedule, rows: slice, angle: Array
+) -> Array:
+    """Fill the rows of one piece; the wheel angles (m,) at its end."""
+    s, rate, acceleration = motion.profile.at(local)
+    fine, place = np.unique(np.concatenate([motion.grid, s]), return_inverse=True)
+    path = motion.piece.body_path(fine)
+    law = drive.actuators(path, motion.steering)
+    h = np.diff(fine)[:, None]
+    w, dw = law.wheel, law.wheel_derivative
+    # Euler–Maclaurin: the trapezoid rule and its end correction, fourth order in h.
+    gained = h / 2 * (w[:-1] + w[1:]) + h**2 / 12 * (dw[:-1] - dw[1:])
+    turned = angle + np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
+    here = place[len(motion.grid) :]
+    v, a = rate[:, None], acceleration[:, None]
+    out.wheel_angle[rows] = turned[here]
+    out.wheel_velocity[rows] = w[here] * v
+    out.wheel_acceleration[rows] = w[here] * a + dw[here] * v**2
+    out.steering_angle[rows] = law.steering[here]
+    out.steering_rate[rows] = law.steering_derivative[here] * v
+    out.pose[rows] = motion.piece.poses(s)
+    out.twist[rows] = path.tangent[here] * v
+    end: Array = turned[-1]
+    return end
+
+
+def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None = None) -> TimedPath:
+    """The fastest motion along a path that stops between its pieces.
+
+    steering (k,) rad: where the steered wheels stand at the start; None: as the first motion needs.
+    Raises LimitsInfeasible.
+    """
+    phases: list[_Motion | _Steer] = []
+    for piece in path:
+        grid, law = _grid(piece, drive, limits, steering)
+        needed = law.steering[0]
+        if steering is not None and drive.steers_at_rest:
+            _steer(phases, piece.start, steering, needed, limits)
+        phases.append(_Motion(piece, _profile(grid, piece.body_path(grid), law, limits), grid, needed))
+        steering = law.steering[-1]
+    return TimedPath(drive, tuple(phases))
+
+
+def duration_estimate(drive: Drive, limits: Limits, tangents: Array) -> Array:
+    """Time (e,) s from rest to rest over pieces of unit s, given samples of their tangents (e, n, 3).
+
+    Takes every limit but jerk at its worst along each piece. Trailing wheels are taken to have swung round.
+    """
+    e, n, _ = tangents.shape
+    flat = tangents.reshape(-1, 3)
+    path = BodyPath(np.arange(e * n, dtype=np.float64), np.zeros(e * n), flat, np.zeros_like(flat))
+    a, _, x_max = _rows(path, drive.settled.actuators(path), limits)
+    with np.errstate(divide="ignore"):
+        speed = np.sqrt(x_max.reshape(e, n).min(1))
+        acceleration = 1 / np.abs(a).max(1).reshape(e, n).max(1)
+    reaches = speed**2 < acceleration
+    estimate: Array = np.where(reaches, 1 / speed + speed / acceleration, 2 / np.sqrt(acceleration))
+    return estimate
+
+
+def _steer(phases: list[_Motion | _Steer], pose: Pose, before: Array, after: Array, limits: Limits) -> None:
+    change = float(np.max(np.abs(after - before), initial=0.0))
+    if change > 1e-12:
+        phases.append(_Steer(pose, before, after, change / limits.steering_rate))
+
+
+def _grid(piece: Piece, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:
+    """Grid points over [0, 1], close enough to resolve the actuators, and their law there."""
+    grid = np.linspace(0.0, 1.0, _GRID_START + 1)
+    try:
+        while True:
+            law = drive.actuators(piece.body_path(grid), steering, limits.steering_angle)
+            scale = np.abs(law.wheel).max() + 1e-300
+            coarse = (np.abs(np.diff(law.steering, axis=0)) > _STEERING_STEP).any(1)
+            coarse |= (np.abs(np.diff(law.wheel, axis=0)) > _WHEEL_STEP * scale).any(1)
+            if not coarse.any() or len(grid) + coarse.sum() > _GRID_MAX:
+                return grid, law
+            grid = np.sort(np.concatenate([grid, (grid[:-1] + np.diff(grid) / 2)[coarse]]))
+    except InadmissibleTwist as error:
+        raise LimitsInfeasible(f"the steering limits do not allow the path: {error}") from error
+
+
+def _profile(grid: Array, path: BodyPath, law: ActuatorPath, limits: Limits) -> Profile:
+    """The fastest s(t) from rest at 0 to rest at 1."""
+    a, b, x_max = _rows(path, law, limits)
+    constant = np.ptp(a, axis=0).max(initial=0.0) <= 1e-9 * np.abs(a).max() and not np.abs(b).max() > 1e-9
+    if constant:
+        with np.errstate(divide="ignore"):
+            jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
+        top = np.abs(a).max()
+        return _ruckig(math.sqrt(x_max.min()), 1 / top if top > 0 else math.inf, jerk)
+    if np.isfinite(limits.wheel_jerk).any():
+        return _bounded(grid, a, b, x_max, law, limits)
+    return _toppra(grid, a, b, x_max)
+
+
+def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
+    """a, b (n, r) and x_max (n,): |a·s̈ + b·ṡ²| <= 1 and ṡ² <= x_max say all the limits but jerk."""
+    vx, vy, omega = path.tangent.T
+    dvx, dvy, _ = path.tangent_derivative.T
+    speed = np.hypot(vx, vy)
+    tangential = np.divide(vx * dvx + vy * dvy, speed, out=np.zeros_like(speed), where=speed > 0)
+    a = np.column_stack([law.wheel / limits.wheel_acceleration, speed / limits.linear_acceleration])
+    b = np.column_stack([law.wheel_derivative / limits.wheel_acceleration, tangential / limits.linear_acceleration])
+    # Turn of the direction of travel in the world: of the body, and of the velocity in the body.
+    lateral = np.abs(omega * speed + np.divide(vx * dvy - vy * dvx, speed, out=np.zeros_like(speed), where=speed > 0))
+    slowest = np.column_stack([
+        np.abs(law.wheel) / limits.wheel_speed, np.abs(law.steering_derivative) / limits.steering_rate,
+        speed / limits.linear_speed, np.abs(omega) / limits.angular_speed,
+        np.sqrt(lateral / limits.lateral_acceleration),
+    ]).max(1)  # fmt: skip
+    with np.errstate(divide="ignore"):
+        return a, b, np.where(slowest > 0, slowest**-2.0, np.inf)
+
+
+def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
+    """Rest to rest over a unit of s under constant limits (any may be inf; speed or acceleration is finite)."""
+    if not math.isfinite(acceleration):
+        return Profile(np.array([0.0, 1 / speed]), *(np.array([x]) for x in (0.0, speed, 0.0, 0.0)))
+    # In units of time in which acceleration is 1: Ruckig's tolerances are absolute.
+    unit = 1 / math.sqrt(acceleration)
+    given = ruckig.InputParameter(1)
+    given.target_position = [1.0]
+    given.max_velocity = [min(speed * unit, 1e6)]
+    given.max_acceleration = [1.0]
+    if math.isfinite(jerk):
+        given.max_jerk = [jerk * unit**3]
+    found = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(given, found)
+    if result != ruckig.Result.Working:
+        raise LimitsInfeasible(f"no motion meets the limits: {result}")
+    p = found.profiles[0][0]
+    time = np.concatenate([[0.0], np.cumsum(p.t)])
+    keep = np.flatnonzero(np.array(p.t) > 0)
+    a, j = np.array(p.a[:7]), np.array(p.j)
+    return Profile(
+        np.append(time[keep], time[-1]) * unit, np.array(p.p[:7])[keep], np.array(p.v[:7])[keep] / unit,
+        a[keep] / unit**2, j[keep] / unit**3,
+    )  # fmt: skip
+
+
+class _Samples(AbstractGeometricPath):  # type: ignore[misc]
+    """What TOPPRA wants to know of a path whose constraints are already sampled: its interval."""
+
+    dof = 1
+    path_interval = np.array([0.0, 1.0])
+
+    def __call__(self, points: Array, order: int = 0) -> Array:
+        return points if order == 0 else np.full_like(points, float(order == 1))
+
+
+class _ActuatorConstraint(LinearConstraint):  # type: ignore[misc]
+    """|a·u + b·x| <= 1 and 0 <= x <= x_max at the grid points, with u = s̈ and x = ṡ²."""
+
+    def __init__(self, a: Array, b: Array, x_max: Array) -> None:
+        super().__init__()
+        self.a, self.b, self.x_max = a, b, x_max
+        self.identical = True
+        self.set_discretization_type(DiscretizationType.Interpolation)
+
+    def compute_constraint_params(self, path: AbstractGeometricPath, gridpoints: Array, *_: object) -> tuple[object, ...]:
+        rows = self.a.shape[1]
+        identity = np.eye(rows)
+        x_bound = np.column_stack([np.zeros_like(self.x_max), self.x_max])
+        a, b, c, f, g, _, _ = canlinear_colloc_to_interpolate(
+            self.a, self.b, np.zeros_like(self.a), np.vstack([identity, -identity]), np.ones(2 * rows), None, None,
+            gridpoints, identical=True,
+        )  # fmt: skip
+        return a, b, c, f, g, None, x_bound
+
+
+def _toppra(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
+    # In a unit of time near the answer: TOPPRA's tolerances are absolute.
+    used = np.abs(a).max(0) > 1e-9
+    unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
+    rows = _ActuatorConstraint(a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6))
+    solver = TOPPRA([rows], _Samples(), gridpoints=grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
+    _, rate, *_ = solver.compute_parameterization(0.0, 0.0)
+    if rate is None or not np.isfinite(rate).all():
+        raise LimitsInfeasible("no motion along the path meets the limits")
+    rate = np.maximum(rate, 0.0) / unit
+    mean = (rate[:-1] + rate[1:]) / 2
+    if (mean <= 0).any():
+        raise LimitsInfeasible("the limits stop the robot on its path")
+    h = np.diff(grid)
+    acceleration = (rate[1:] ** 2 - rate[:-1] ** 2) / (2 * h)
+    time = np.concatenate([[0.0], np.cumsum(h / mean)])
+    return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
+
+
+def _bounded(grid: Array, a: Array, b: Array, x_max: Array, law: ActuatorPath, limits: Limits) -> Profile:
+    """A jerk-limited law where w is not constant: Ruckig under bounds on ṡ, s̈, s⃛ that hold for all s at once.
+
+    wheel jerk = w·s⃛ + 3 w′·ṡ·s̈ + w″·ṡ³, each term at its worst. Valid, not fastest.
+    """
+    a0, a1 = np.abs(a).max(), np.abs(b).max()
+    w2 = np.gradient(law.wheel_derivative, grid, axis=0)
+    j0, j1, j2 = (
+        float((np.abs(w).max(0) / limits.wheel_jerk).max()) for w in (law.wheel, law.wheel_derivative, w2)
+    )  # fmt: skip
+    v = math.sqrt(x_max.min()) * np.geomspace(0.02, 1.0, 60)[:, None]
+    share = np.linspace(0.05, 1.0, 20)[None]
+    acceleration = share * (1 - a1 * v**2) / a0
+    jerk = (1 - 3 * j1 * v * acceleration - j2 * v**3) / j0
+    valid = (acceleration > 0) & (jerk > 0)
+    if not valid.any():
+        raise LimitsInfeasible("the jerk limit does not allow the path")
+    acceleration, jerk = np.where(valid, acceleration, np.nan), np.where(valid, jerk, np.nan)
+    # Rest to rest over a unit of s: cruise, ramp and jerk phases, each bounded below by what short moves need.
+    ramp = v / acceleration + acceleration / jerk
+    estimate = np.maximum(1 / v, np.sqrt(4 / acceleration)) + ramp
+    i, j = np.unravel_index(np.nanargmin(estimate), estimate.shape)
+    return _ruckig(float(v[i, 0]), float(acceleration[i, j]), float(jerk[i, j]))

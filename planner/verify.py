@@ -1,0 +1,399 @@
+"""The certificate: what becomes of a client who does nothing but follow the wheel schedule.
+
+It knows nothing of how the schedule was made. It interpolates the samples as a client would, puts them
+through the drive's forward kinematics, integrates the twists, and compares what comes out with what was
+asked for. Every check yields `Reading`s, values against bounds; one judge makes of them a `Certificate` and
+sentences. A limit holds at the samples and for the mean over each interval, which no true motion exceeds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from drives.drive import Holonomic
+from drives.se2 import Array, wrap
+from planner.errors import AuditFailed
+from planner.problem import Problem
+from planner.schedule import WheelSchedule
+
+__all__ = ["Certificate", "World", "verify"]
+
+# How far rolling may end from the goal or leave the stated poses: m, m per metre travelled, rad.
+_POSITION, _POSITION_PER_METRE, _HEADING = 5e-4, 5e-5, 1e-3
+# What may be lost where a number is copied, and where two are said to be the same (m, rad, s, rad/s).
+_COPIED, _SAME = 5e-7, 5e-10
+# The largest rate that counts as rest, as a share of its limit; how much of the clearance may be missing, m.
+_REST, _CLEARANCE = 5e-7, 1e-4
+# Motion of the footprint between two looks at its clearance, m: everywhere, where it comes close, and in all;
+# and to what share of the clearance that was not asked for it is found.
+_COARSE, _FINE, _LONGEST, _MARGIN = 0.08, 0.005, 8e3, 0.01
+# Largest number in a certificate: JSON has no infinity.
+_SATURATED = 1e6
+
+_QUANTITIES = {
+    # key: (what the sentence calls it, unit, by how much value / bound may pass 1)
+    "closure_position": ("the distance from the goal after rolling", "m", 0.0),
+    "closure_heading": ("the angle from the goal's heading after rolling", "rad", 0.0),
+    "wheel_speed_ratio": ("the wheel speed", "rad/s", 1e-3),
+    "wheel_acceleration_ratio": ("the wheel acceleration", "rad/s²", 1e-2),
+    "wheel_jerk_ratio": ("the wheel jerk", "rad/s³", 2e-2),
+    "wheel angle": ("the gap between the wheel angle and the integral of its velocity", "rad", 0.0),
+    "wheel velocity": (
+        "the gap between the wheel velocity and the integral of its acceleration",
+        "rad/s",
+        0.0,
+    ),
+    "steering_angle_ratio": ("the steering angle", "rad", 1e-4),
+    "steering_rate_ratio": ("the steering rate", "rad/s", 1e-2),
+    "steering angle": ("the gap between the steering angle and the integral of its rate", "rad", 0.0),
+    "wheels at rest": ("the wheel speed at an end of the motion", "rad/s", 0.0),
+    "steering at rest": ("the steering rate at an end of the motion", "rad/s", 0.0),
+    "start": ("the distance from the start", "m or rad", 0.0),
+    "present steering": ("the angle from the present steering", "rad", 0.0),
+    "slip": ("the slip", "m/s", 0.0),
+    "twist": ("the gap between the rolled and the stated twist", "m/s or rad/s", 0.0),
+    "drift_position": ("the distance between the rolled and the stated position", "m", 0.0),
+    "drift_heading": ("the angle between the rolled and the stated heading", "rad", 0.0),
+    "linear_speed_ratio": ("the linear speed", "m/s", 1e-3),
+    "angular_speed_ratio": ("the angular speed", "rad/s", 1e-3),
+    "linear_acceleration_ratio": ("the linear acceleration", "m/s²", 2e-2),
+    "lateral_acceleration_ratio": ("the lateral acceleration", "m/s²", 2e-2),
+    "backwards": ("the speed backwards, where reverse is false,", "m/s", 0.0),
+    "turning": ("the turn rate times turning_radius", "m/s", 0.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What an independent check of a schedule found, worst case over the whole motion.
+
+    closure_position m, closure_heading rad: from the goal to where rolling the wheels forward ends (heading 0
+    where any will do); each *_ratio: used / allowed, 0 where there is no limit; slip m/s: largest equation of
+    the wheels left unmet; clearance m: smallest distance from the footprint to an obstacle or the boundary
+    (what exceeds min_clearance of it to 1 %); drift_position m, drift_heading rad: largest gap between the
+    rolled and the stated poses. Nothing leaves ±1e6: where there is no obstacle at all, the clearance is 1e6.
+    """
+
+    closure_position: float
+    closure_heading: float
+    wheel_speed_ratio: float
+    wheel_acceleration_ratio: float
+    wheel_jerk_ratio: float
+    steering_angle_ratio: float
+    steering_rate_ratio: float
+    slip: float
+    clearance: float
+    linear_speed_ratio: float
+    angular_speed_ratio: float
+    linear_acceleration_ratio: float
+    lateral_acceleration_ratio: float
+    drift_position: float
+    drift_heading: float
+
+
+class World(Protocol):
+    """Whoever knows how far the footprint is from obstacles and the boundary; negative: how deep in them."""
+
+    def clearance(self, poses: Array) -> Array:
+        """Distance (n,) m at poses (n, 3). Where it exceeds 1 m, a lower bound will do."""
+
+
+class Reading(NamedTuple):
+    """value (r, c) >= 0, not to exceed bound, which broadcasts to it, by more than the quantity's slack.
+
+    quantity is a key of the table above. Where it is also a field of the certificate, that field is the
+    largest value / bound if it is a ratio, else the largest value. Column j is of columns[j] (none: of the
+    robot); row i was taken at time[i] (None: at sample i, or over the interval that begins there)."""
+
+    quantity: str
+    value: Array
+    bound: Array | float
+    columns: tuple[str, ...] = ()
+    time: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rolled:
+    """What the wheels make of a schedule. At the samples: pose (n, 3), world, twist (n, 3), slip (n,) m/s; at
+    the samples and the nodes between them: poses and times, path (4n - 3, 4)."""
+
+    pose: Array
+    twist: Array
+    slip: Array
+    path: Array
+
+    @property
+    def tolerance(self) -> float:
+        """How far an open-loop motion of this length may be off, m."""
+        step = np.diff(self.pose, axis=0)
+        return _POSITION + _POSITION_PER_METRE * float(np.hypot(step[:, 0], step[:, 1]).sum())
+
+
+def verify(problem: Problem, schedule: WheelSchedule, world: World) -> Certificate:
+    """Certify a schedule for a problem.
+
+    Raises AuditFailed with what was found and a sentence for each violation. Where a column has the wrong
+    shape, a number is not finite or the time grid is not the client's, the certificate is empty.
+    """
+    violations = _unreadable(problem, schedule)
+    if violations:
+        raise AuditFailed(f"the schedule cannot be read: {violations[0]}", {}, violations)
+    found = {field.name: 0.0 for field in fields(Certificate)}
+    # What overflows here comes out as inf or nan, and both are violations.
+    with np.errstate(all="ignore"):
+        rolled = _roll(problem, schedule)
+        found["clearance"], violations = _clearance(problem, schedule, rolled, world)
+        checks = (_closure, _wheels, _steering, _ends, _agreement, _body, _route)
+        for reading in (r for check in checks for r in check(problem, schedule, rolled) if r.value.size):
+            worst, faults = _judge(reading, schedule.time)
+            violations += faults
+            if reading.quantity in found:
+                found[reading.quantity] = max(found[reading.quantity], worst)
+    if violations:
+        raise AuditFailed(f"the plan fails its own check: {violations[0]}", found, violations)
+    return Certificate(**found)
+
+
+def _judge(reading: Reading, time: Array) -> tuple[float, list[str]]:
+    """What to certify, and a sentence where the bound is passed."""
+    what, unit, slack = _QUANTITIES[reading.quantity]
+    bound = np.broadcast_to(reading.bound, reading.value.shape)
+    used = np.nan_to_num(reading.value / bound, nan=np.inf, posinf=np.inf)
+    i, j = np.unravel_index(np.argmax(used), used.shape)
+    worst = used if reading.quantity.endswith("_ratio") else np.nan_to_num(reading.value, nan=np.inf)
+    found, value, limit = min(float(worst.max()), _SATURATED), reading.value[i, j], bound[i, j]
+    if used[i, j] <= 1 + slack:
+        return found, []
+    owner = f" of {reading.columns[j]}" if reading.columns else ""
+    at = (time if reading.time is None else reading.time)[i]
+    return found, [f"{what}{owner} is {value:.6g} {unit} at t = {at:.4f} s, allowed {limit:.6g} {unit}"]
+
+
+def _unreadable(problem: Problem, schedule: WheelSchedule) -> list[str]:
+    """Why a schedule cannot be measured at all."""
+    drive, n = problem.robot.drive, len(schedule.time)
+    if n == 0:
+        return ["the schedule has no sample"]
+    tail = {"wheel": (len(drive.wheel_names),), "steering": (len(drive.steered_names),), "time": ()}
+    faults = []
+    for name in (field.name for field in fields(schedule)):
+        column, shape = getattr(schedule, name), (n, *tail.get(name.split("_")[0], (3,)))
+        if column.shape != shape:
+            faults.append(f"{name} has shape {column.shape}, not {shape}")
+        elif not np.isfinite(column).all():
+            faults.append(f"{name} is not finite in sample {np.argwhere(~np.isfinite(column))[0, 0]}")
+    if faults:
+        return faults
+    time, period = schedule.time, problem.options.sample_period
+    off = np.abs(time - np.arange(n) * period)[: max(n - 1, 1)]
+    last = time[-1] - time[-2] if n > 1 else period
+    if not (0 < last <= period * (1 + 1e-6) and off.max() <= _COPIED):
+        faults = [f"the time grid is not 0, {period:g}, {2 * period:g}, … s with a last step no longer"]
+    return faults
+
+
+# Gauss–Legendre quadrature of order six over [0, 1]: its nodes, the weights of the whole integral, and of the
+# integral up to each node (Hairer, Nørsett and Wanner, 1993, section II.7).
+_ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
+_NODES, _WHOLE = (1 + _ROOTS) / 2, _SHARES / 2
+_PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
+
+
+def _hermite(time: Array, value: Array, slope: Array) -> tuple[Array, Array]:
+    """The cubic through samples (n, c) and its slope, both (3(n - 1), c), at the nodes of every interval."""
+    h, u = np.diff(time)[:, None, None], _NODES[:, None]
+    start, begin, end = value[:-1, None], slope[:-1, None], slope[1:, None]
+    rise = (value[1:, None] - start) / h
+    square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
+    shape = (len(h) * len(u), value.shape[1])
+    inner = start + h * u * (begin + u * (square + u * cube))
+    return inner.reshape(shape), (begin + u * (2 * square + 3 * u * cube)).reshape(shape)
+
+
+def _integrate(start: float, rate: Array, h: Array) -> tuple[Array, Array]:
+    """Integral, at samples and at nodes, of a rate given at the nodes (n - 1, 3) of intervals h (n - 1,)."""
+    at_samples = np.concatenate([[start], start + np.cumsum(h * (rate @ _WHOLE))])
+    return at_samples, at_samples[:-1, None] + h[:, None] * (rate @ _PARTS.T)
+
+
+def _roll(problem: Problem, schedule: WheelSchedule) -> _Rolled:
+    """Roll the wheels forward from the start, as a client would who interpolates with cubics."""
+    time, n = schedule.time, len(schedule.time)
+    h, start = np.diff(time), problem.start
+    samples = (schedule.wheel_velocity, schedule.steering_angle, schedule.steering_rate)
+    nodes = (*_hermite(time, schedule.wheel_angle, samples[0])[1:], *_hermite(time, *samples[1:]))
+    twist, slip = problem.robot.drive.forward(*(np.vstack(pair) for pair in zip(samples, nodes, strict=True)))
+    vx, vy, omega = np.moveaxis(twist[n:].reshape(n - 1, len(_NODES), 3), -1, 0)
+    theta = _integrate(start.theta, omega, h)
+    c, s = np.cos(theta[1]), np.sin(theta[1])
+    x, y = _integrate(start.x, c * vx - s * vy, h), _integrate(start.y, s * vx + c * vy, h)
+    parts = (x, y, theta, (time, time[:-1, None] + np.multiply.outer(h, _NODES)))
+    pose, inner = (np.stack(part, -1) for part in zip(*parts, strict=True))
+    path = np.concatenate([np.concatenate([pose[:-1, None], inner], 1).reshape(-1, 4), pose[-1:]])
+    return _Rolled(pose[:, :3], twist[:n], slip[:n], path)
+
+
+def _closure(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+    goal, (x, y, theta), last = problem.goal, rolled.pose[-1], schedule.time[-1:]
+    # A single sample claims that the start is the goal; there is nothing to roll.
+    near, aligned = (rolled.tolerance, _HEADING) if len(schedule.time) > 1 else (_SAME, _SAME)
+    yield Reading("closure_position", np.hypot(x - goal.x, y - goal.y).reshape(1, 1), near, time=last)
+    if goal.theta is not None:
+        turn = np.array([[abs(wrap(float(theta) - goal.theta))]])
+        yield Reading("closure_heading", turn, aligned, time=last)
+
+
+def _intervals(problem: Problem, schedule: WheelSchedule) -> tuple[Array, Array]:
+    """Lengths (n - 1, 1) s of the intervals, and the times to take means over: at least a thousandth of the
+    period, because a last step may be so short that its mean is rounding."""
+    h = np.diff(schedule.time)[:, None]
+    return h, np.maximum(h, 1e-3 * problem.options.sample_period)
+
+
+def _wheels(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Reading]:
+    limits, names = problem.robot.limits, problem.robot.drive.wheel_names
+    h, over = _intervals(problem, schedule)
+    angle, speed, change = schedule.wheel_angle, schedule.wheel_velocity, schedule.wheel_acceleration
+    mean_speed, mean_change, mean_jerk = (np.diff(column, axis=0) / over for column in (angle, speed, change))
+    for quantity, rate, limit in (
+        ("wheel_speed_ratio", speed, limits.wheel_speed),
+        ("wheel_speed_ratio", mean_speed, limits.wheel_speed),
+        ("wheel_acceleration_ratio", change, limits.wheel_acceleration),
+        ("wheel_acceleration_ratio", mean_change, limits.wheel_acceleration),
+        ("wheel_jerk_ratio", mean_jerk, limits.wheel_jerk),
+    ):
+        yield Reading(quantity, np.abs(rate), limit, names)
+    # The trapezoid rule is off by a·h²/4 at most: where the rate rises, then falls, as fast as it may.
+    for quantity, whole, rate, limit in (
+        ("wheel angle", angle, speed, 1.01 * limits.wheel_acceleration),
+        ("wheel velocity", speed, change, 1.02 * limits.wheel_jerk),
+    ):
+        gap = np.abs(np.diff(whole, axis=0) - h * (rate[:-1] + rate[1:]) / 2)
+        yield Reading(quantity, gap, limit * h**2 / 4 + _COPIED, names)
+
+
+def _steering(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Reading]:
+    limits, names = problem.robot.limits, problem.robot.drive.steered_names
+    h, over = _intervals(problem, schedule)
+    angle, rate, limit = schedule.steering_angle, schedule.steering_rate, limits.steering_rate
+    gained, trapezoid = np.diff(angle, axis=0), h * (rate[:-1] + rate[1:]) / 2
+    yield Reading("steering_angle_ratio", np.abs(angle), limits.steering_angle, names)
+    yield Reading("steering_rate_ratio", np.abs(rate), limit, names)
+    yield Reading("steering_rate_ratio", np.abs(gained / over), limit, names)
+    # A steering rate may jump, so between samples nothing is sure but that it stays within its limit.
+    room = np.maximum(1.01 * limit * h - np.abs(trapezoid), 0.0) + _COPIED
+    yield Reading("steering angle", np.abs(gained - trapezoid), room, names)
+
+
+def _ends(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Reading]:
+    drive, limits, ends = problem.robot.drive, problem.robot.limits, [0, -1]
+    for quantity, rate, limit, names in (
+        ("wheels at rest", schedule.wheel_velocity, limits.wheel_speed, drive.wheel_names),
+        ("steering at rest", schedule.steering_rate, limits.steering_rate, drive.steered_names),
+    ):
+        yield Reading(quantity, np.abs(rate[ends]), _REST * limit + _SAME, names, schedule.time[ends])
+    yield Reading("start", np.abs(schedule.pose[:1] - problem.start), _COPIED, ("x", "y", "theta"))
+    if problem.steering is not None:
+        turned = np.abs(schedule.steering_angle[:1] - problem.steering)
+        yield Reading("present steering", turned, _COPIED, drive.steered_names)
+
+
+def _agreement(_: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+    linear = max(float(np.hypot(rolled.twist[:, 0], rolled.twist[:, 1]).max()), 0.05)
+    fastest = max(linear, float(np.abs(rolled.twist[:, 2]).max()))
+    yield Reading("slip", rolled.slip[:, None], 5e-4 * linear + 5e-5)
+    gap = np.abs(rolled.twist - schedule.twist)
+    yield Reading("twist", gap, 2.5e-3 * fastest + 5e-4, ("vx", "vy", "omega"))
+    apart = rolled.pose - schedule.pose
+    yield Reading("drift_position", np.hypot(apart[:, :1], apart[:, 1:2]), rolled.tolerance)
+    yield Reading("drift_heading", np.abs(apart[:, 2:]), _HEADING)
+
+
+def _body(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+    """The limits of the body, on the motion that the wheels make and on the stated one."""
+    limits, over = problem.robot.limits, _intervals(problem, schedule)[1][:, 0]
+    holonomic = isinstance(problem.robot.drive.mobility(limits), Holonomic)
+    for twist, pose in ((rolled.twist, rolled.pose), (schedule.twist, schedule.pose)):
+        speed, omega = np.hypot(twist[:, 0], twist[:, 1]), twist[:, 2]
+        lateral = _lateral(twist, pose[:, 2], over) if holonomic else speed * omega
+        for quantity, values, limit in (
+            ("linear_speed_ratio", speed, limits.linear_speed),
+            ("angular_speed_ratio", omega, limits.angular_speed),
+            ("linear_acceleration_ratio", np.diff(speed) / over, limits.linear_acceleration),
+            ("lateral_acceleration_ratio", lateral, limits.lateral_acceleration),
+        ):
+            yield Reading(quantity, np.abs(values)[:, None], limit)
+
+
+def _lateral(twist: Array, heading: Array, h: Array) -> Array:
+    """Mean of speed × turn rate of the direction of travel over each interval h (n - 1,): (n - 1,) m/s²."""
+    velocity = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * heading)
+    speed, cross = np.abs(velocity), (velocity[:-1].conj() * velocity[1:]).imag
+    both = speed[:-1] + speed[1:]
+    # A robot this slow may have stopped within the interval, and at rest the direction may jump.
+    moving = both > 2 * np.abs(np.diff(speed)).max(initial=0.0)
+    return np.where(moving, 2 * cross / (both * h), 0.0)
+
+
+def _route(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+    options, mobility = problem.options, problem.robot.drive.mobility(problem.robot.limits)
+    for twist in (rolled.twist, schedule.twist):
+        vx, omega = twist[:, :1], twist[:, 2:]
+        if not options.reverse:
+            yield Reading("backwards", np.maximum(-vx, 0.0), 5e-4)
+        if options.turning_radius > 0 and not isinstance(mobility, Holonomic):
+            yield Reading("turning", np.abs(omega) * options.turning_radius, np.abs(vx) * 1.005 + 1e-3)
+
+
+def _clearance(
+    problem: Problem, schedule: WheelSchedule, rolled: _Rolled, world: World
+) -> tuple[float, list[str]]:
+    """The smallest clearance (m) of the motion, and a sentence where it is too small."""
+    footprint, fixed = problem.robot.footprint, problem.robot.drive.fixed_body_heading
+    reach = float(np.hypot(*footprint.vertices.T).max()) + footprint.radius
+    asked = problem.options.min_clearance
+    # What the robot does, and what the client is told: they may differ by the drift that is allowed.
+    paths = [rolled.path, np.column_stack([schedule.pose, schedule.time])]
+    if fixed is not None:
+        paths = [np.insert(np.delete(path, 2, axis=1), 2, fixed, axis=1) for path in paths]
+    found = [_nearest(world, path, reach, asked) for path in paths]
+    nearest, (x, y, theta, when) = min(found, key=lambda f: f[0])
+    if nearest >= asked - _CLEARANCE:
+        return nearest, []
+    where = f"at t = {when:.4f} s, pose ({x:.4f}, {y:.4f}, {theta:.4f})"
+    return nearest, [f"the clearance is {nearest:.6g} m {where}, allowed at least {asked:.6g} m"]
+
+
+def _nearest(world: World, path: Array, reach: float, asked: float) -> tuple[float, Array]:
+    """The smallest clearance (m, within ±1e6) along a polyline (n, 4) of poses and times, and the point (4,)
+    where it is. reach m: of the footprint. What cannot be checked has a clearance of -1e6."""
+    step = np.abs(np.diff(path, axis=0))
+    # How far a point of the footprint has moved since the start, at most.
+    moved = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + reach * step[:, 2])])
+    if not moved[-1] <= _LONGEST:
+        return -_SATURATED, path[-1]
+
+    def points(at: Array) -> Array:
+        return np.column_stack([np.interp(at, moved, column) for column in path.T])
+
+    more, at, near = np.linspace(0.0, moved[-1], 1 + math.ceil(moved[-1] / _COARSE)), np.empty(0), np.empty(0)
+    while more.size:
+        at, near = np.append(at, more), np.append(near, world.clearance(points(more)[:, :3]))
+        order = np.argsort(at)
+        at, near = at[order], near[order]
+        # Clearance changes by no more than the footprint moves, so most stretches cannot hold the smallest.
+        width, least = np.diff(at), near.min() - _MARGIN * max(near.min() - asked, 0.0)
+        close = (near[:-1] + near[1:] - width) / 2 < least
+        more = (at[:-1] + width / 2)[close & (width > _FINE)]
+    if close.any():
+        # The samples themselves: a cusp may come nearer than its surroundings.
+        more = moved[close[np.clip(np.searchsorted(at, moved, side="right") - 1, 0, len(width) - 1)]]
+        at, near = np.append(at, more), np.append(near, world.clearance(points(more)[:, :3]))
+    near = np.clip(np.nan_to_num(near, nan=-_SATURATED), -_SATURATED, _SATURATED)
+    worst = int(np.argmin(near))
+    return float(near[worst]), points(at[worst : worst + 1])[0]
