@@ -7,9 +7,9 @@ RUN python -m venv --without-pip /opt/wheelplan
 COPY requirements.lock .
 RUN pip --python /opt/wheelplan/bin/python install --only-binary :all: --require-hashes -r requirements.lock
 
-# Only the build needs setuptools and wheel; their pins and hashes are in the development lock.
+# Only the build needs setuptools; its pin and hashes are in the development lock.
 COPY requirements-dev.lock .
-RUN awk '/^[^ ]/ { wanted = /^(setuptools|wheel)==/ } wanted' requirements-dev.lock > build.lock \
+RUN awk '/^[^ ]/ { wanted = /^setuptools==/ } wanted' requirements-dev.lock > build.lock \
  && pip install --require-hashes -r build.lock
 COPY pyproject.toml README.md ./
 COPY drives drives
@@ -20,7 +20,7 @@ RUN pip wheel --no-deps --no-build-isolation --wheel-dir /dist . \
 
 
 FROM python:3.11-slim
-RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin wheelplan \
+RUN useradd --uid 10001 --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin wheelplan \
  && install -d -o wheelplan -g wheelplan /data /var/cache/wheelplan
 COPY --from=build /opt/wheelplan /opt/wheelplan
 

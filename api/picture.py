@@ -329,9 +329,9 @@ def _draw_series(
         axes.plot(time, values, color=colours[name], linewidth=1.3, linestyle=dashes, zorder=2)
         axes.plot([], [], color=colours[name], linewidth=1.6, label=name.replace("_", " "))
 
-    extremes = [float(extreme(values)) for values in series.values() for extreme in (min, max)]
-    highest = max([*limits.values(), *map(abs, extremes), 1e-9])
-    two_sided = min(extremes) < -0.02 * highest
+    low, high = min(map(min, series.values())), max(map(max, series.values()))
+    largest = max([*limits.values(), abs(low), abs(high), 1e-9])
+    two_sided = low < -0.02 * largest
     for value in set(limits.values()):
         for bound in (value, -value) if two_sided else (value,):
             axes.axhline(bound, color=LIMIT, linestyle=(0, (5, 3)), linewidth=1.1, zorder=1.5)
@@ -339,17 +339,11 @@ def _draw_series(
         for name, value in limits.items():
             axes.plot(time[-1], value, "<", markersize=5, color=colours[name], clip_on=False, zorder=3)
     if limits:
-        axes.text(
-            0.994,
-            highest,
-            "limit ",
-            ha="right",
-            va="bottom",
-            size=7.5,
-            color=LIMIT,
-            transform=axes.get_yaxis_transform(),
-        )
-    axes.set_ylim(-1.16 * highest if two_sided else -0.06 * highest, 1.16 * highest)
+        right = axes.get_yaxis_transform()
+        axes.text(0.99, largest, "limit", ha="right", va="bottom", size=7.5, color=LIMIT, transform=right)
+        low, high = -largest if two_sided else 0.0, largest
+    room = 0.08 * max(high - low, 1e-3)
+    axes.set_ylim(low - room, high + room)
     axes.set_ylabel(label)
 
 

@@ -84,7 +84,9 @@ class CarLike(Drive):
         # Between the front wheels their angles change sides: each may lie within the limit, but no steering
         # gets there.
         if steering_limit < np.pi / 2 and (v < (1 - 1e-9) * max(self._front) * omega).any():
-            raise InadmissibleTwist(f"it turns about a point between the wheels, where the {self.kind} drive cannot steer to")
+            raise InadmissibleTwist(
+                f"it turns about a point between the wheels, where the {self.kind} drive cannot steer to"
+            )
         x, y = self._points()
         k = len(self._front)
         level = BodyPath(path.s, path.heading, path.tangent * _LEVEL, path.tangent_derivative * _LEVEL)

@@ -62,13 +62,12 @@ def service(folder: Path) -> Iterator[str]:
         )
         try:
             url = f"http://127.0.0.1:{port}"
-            try:
-                wait_until_ready(process, url)
-            except Failure:
-                log.seek(0)
-                sys.stderr.write(log.read().decode(errors="replace"))
-                raise
+            wait_until_ready(process, url)
             yield url
+        except Failure:
+            log.seek(0)
+            sys.stderr.write(log.read().decode(errors="replace"))
+            raise
         finally:
             process.terminate()
             try:

@@ -1,35 +1,39 @@
-"""Local planners: the one motion that joins two poses where nothing but the robot's own mobility is in the way.
+"""Local planners: the motions that join two poses where nothing but the robot's own mobility is in the way.
 
-A search samples poses; a Connector says which motion joins two of them, whether it is free, and how long it takes.
+A search samples poses; a Connector says which motions join two of them, how long they take, and whether they are free.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
 
 from drives.drive import Car, Holonomic, Unicycle
-from drives.se2 import Pose, wrap
-from planner.curves import candidates, shortest_word
-from planner.environment import CollisionWorld, World, twist_free
+from drives.se2 import Array, Pose, wrap
+from planner.curves import dubins_words, reeds_shepp_words, shortest_word
+from planner.environment import CollisionWorld, World, linear_free, twist_free
 from planner.path import LinePiece, Path, Piece, arc, merge, pivot
 from planner.problem import Options, Robot
 from planner.time_law import duration_estimate
 
-__all__ = ["Connector", "CurveConnector", "LineConnector", "PivotConnector", "connector", "is_path_free"]
+__all__ = ["Connector", "CurveConnector", "LineConnector", "Motions", "PivotConnector", "connector", "is_path_free"]
 
 _NOTHING = 1e-9
 """Ways (m) and turns (rad) below this are rounding, not motion."""
 
+_F = TypeVar("_F", bound=Callable[..., Any])
 
-_DIRECT_WORDS = 16
+
+def _kernel(function: _F) -> _F:
+    return cast(_F, njit(cache=True, error_model="numpy")(function))
 
 
 def is_path_free(world: CollisionWorld, path: Path) -> bool:
@@ -42,9 +46,20 @@ def is_path_free(world: CollisionWorld, path: Path) -> bool:
     )
 
 
-@dataclass(frozen=True, slots=True)
+class Motions(NamedTuple):
+    """Several ways to join each of n pairs of poses. times (n, ways) s, estimated, inf where there is no such way;
+    path(pair, way) is the motion itself."""
+
+    times: Array
+    path: Callable[[int, int], Path]
+
+
+@dataclass(frozen=True, eq=False)
 class Connector(ABC):
-    """How one kind of mobility joins two poses, and the state space in which OMPL searches for it."""
+    """How one kind of mobility joins two poses, and the state space in which OMPL searches for it.
+
+    turning_radius m: of the curves, 0 where there are none.
+    """
 
     robot: Robot
     world: CollisionWorld
@@ -55,124 +70,229 @@ class Connector(ABC):
     def state_space(self) -> Literal["SE2", "ReedsShepp", "Dubins"]:
         return "SE2"
 
-    @property
-    def stations(self) -> int:
-        """How many poses along a path are worth considering for shortcuts."""
-        return 24
-
-    def direct_paths(self, a: Pose, b: Pose) -> Iterator[Path]:
-        """All motions from a to b worth trying before any search."""
-        yield from self.paths(a, b)
-
     @abstractmethod
-    def paths(self, a: Pose, b: Pose) -> Iterator[Path]:
-        """Motions from a to b, b.theta taken mod 2π, the one that promises most first. At least one."""
+    def motions(self, a: Array, b: Array) -> Motions:
+        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π."""
 
     @abstractmethod
     def edge_free(self, a: Pose, b: Pose) -> bool:
-        """Whether one of the first motions from a to b is free: quick, for the inside of a search."""
+        """Whether the shortest motion from a to b is free: quick, for the inside of a search."""
+
+    def direct(self, a: Array, b: Array) -> list[Motions]:
+        """All motions worth trying before any search."""
+        return [self.motions(a, b)]
 
     def connect(self, a: Pose, b: Pose) -> Path | None:
-        """The first free motion from a to b, or None."""
-        return next((path for path in self.paths(a, b) if is_path_free(self.world, path)), None)
+        """The quickest free motion from a to b, or None."""
+        times, path = self.motions(np.array([a]), np.array([b]))
+        paths = (path(0, int(way)) for way in np.argsort(times[0], kind="stable") if times[0, way] < np.inf)
+        return next((p for p in paths if is_path_free(self.world, p)), None)
 
-    def durations(self, paths: Sequence[Path]) -> list[float]:
-        """Estimates (s) of the time that paths take, at rest between their pieces and at both ends."""
-        pieces = [piece for path in paths for piece in path]
-        if not pieces:
-            return [0.0] * len(paths)
+    def duration(self, path: Path) -> float:
+        """Estimate (s) of the time that a path takes, at rest between its pieces and at both ends."""
         s = np.linspace(0.0, 1.0, 5)
-        tangents = np.stack([piece.tangents(s) for piece in pieces])
-        driving = iter(duration_estimate(self.robot.drive, self.robot.limits, tangents).tolist())
-        return [math.fsum(next(driving) for _ in path) + self._steering_time(path) for path in paths]
+        tangents = np.array([piece.body_path(s).tangent for piece in path]).reshape(-1, 5, 3)
+        return float(self._rest_to_rest(tangents).sum()) + self._steering_time(path)
+
+    def _rest_to_rest(self, tangents: Array) -> Array:
+        return duration_estimate(self.robot.drive, self.robot.limits, tangents)
 
     def _steering_time(self, path: Path) -> float:
         return 0.0
 
+    def _constant(self, *twists: Sequence[float]) -> tuple[Array, Array]:
+        """Largest speed and acceleration (k,) along constant unit twists: per second and second², of the unit."""
+        # Rest to rest over a way so short, and so long, that only one of them counts.
+        unit = np.array(twists, dtype=np.float64)[:, None, :]
+        short, long = self._rest_to_rest(unit * 1e-6), self._rest_to_rest(unit * 1e9)
+        return 1e9 / long, 4e-6 / short**2
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, eq=False)
 class LineConnector(Connector):
     """Holonomic: a straight line in SE(2), the heading turning the shorter way."""
 
-    def paths(self, a: Pose, b: Pose) -> Iterator[Path]:
-        yield merge([LinePiece(a, Pose(b.x, b.y, a.theta + wrap(b.theta - a.theta)))])
+    def motions(self, a: Array, b: Array) -> Motions:
+        step = b - a
+        step[:, 2] = math.pi - (math.pi - step[:, 2]) % math.tau
+        heading = a[:, 2:] + step[:, 2:] * np.linspace(0.0, 1.0, 5)
+        c, d = np.cos(heading), np.sin(heading)
+        dx, dy = step[:, :1], step[:, 1:2]
+        tangents = np.stack([c * dx + d * dy, c * dy - d * dx, np.broadcast_to(step[:, 2:], c.shape)], -1)
+
+        def path(pair: int, _: int) -> Path:
+            return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
+
+        return Motions(self._rest_to_rest(tangents)[:, None], path)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
-        return self.world.linear_free(a, Pose(b.x, b.y, a.theta + wrap(b.theta - a.theta)))
+        return bool(linear_free(self.world.kernel, *a, b.x, b.y, a.theta + wrap(b.theta - a.theta)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class PivotConnector(Connector):
     """Unicycle: turn on the spot towards the goal, drive straight, turn on the spot. Forwards or backwards."""
 
-    def paths(self, a: Pose, b: Pose) -> Iterator[Path]:
-        dx, dy = b.x - a.x, b.y - a.y
-        distance = math.hypot(dx, dy)
-        if distance < _NOTHING:
-            yield merge([pivot(a, wrap(b.theta - a.theta))])
-            return
-        ways = []
-        for sign in (1.0, -1.0) if self.reverse else (1.0,):
-            course = math.atan2(sign * dy, sign * dx)
-            turns = wrap(course - a.theta), wrap(b.theta - course)
-            ways.append((abs(turns[0]) + abs(turns[1]), sign * distance, *turns))
-        for _, length, first, last in sorted(ways):
-            aligned = Pose(a.x, a.y, a.theta + first)
-            there = Pose(b.x, b.y, aligned.theta)
-            yield merge([
-                *([pivot(a, first)] if abs(first) > _NOTHING else []),
-                arc(aligned, 0.0, length),
-                *([pivot(there, last)] if abs(last) > _NOTHING else []),
+    @cached_property
+    def _limits(self) -> tuple[Array, Array]:
+        return self._constant((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+    def motions(self, a: Array, b: Array) -> Motions:
+        step = b - a
+        distance = np.hypot(step[:, 0], step[:, 1])
+        sign = np.array([1.0, -1.0]) if self.reverse else np.array([1.0])
+        course = np.arctan2(np.multiply.outer(step[:, 1], sign), np.multiply.outer(step[:, 0], sign))
+        course = np.where(distance[:, None] < _NOTHING, a[:, 2:], course)
+        first, last = _wrapped(course - a[:, 2:]), _wrapped(b[:, 2:] - course)
+        (fast, spin), (push, swing) = self._limits
+        times = (
+            _rest_to_rest(np.abs(first), spin, swing) + _rest_to_rest(distance, fast, push)[:, None]
+            + _rest_to_rest(np.abs(last), spin, swing)
+        )  # fmt: skip
+
+        def path(pair: int, way: int) -> Path:
+            begin, end = Pose(*a[pair].tolist()), b[pair].tolist()
+            aligned = Pose(begin.x, begin.y, begin.theta + float(first[pair, way]))
+            there = Pose(end[0], end[1], aligned.theta)
+            return merge([
+                pivot(begin, float(first[pair, way])),
+                arc(aligned, 0.0, float(sign[way] * distance[pair])),
+                pivot(there, float(last[pair, way])),
             ])  # fmt: skip
 
+        return Motions(times, path)
+
     def edge_free(self, a: Pose, b: Pose) -> bool:
-        return self.connect(a, b) is not None
+        return bool(_pivot_free(self.world.kernel, *a, *b, self.reverse))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class CurveConnector(Connector):
     """Car: Reeds–Shepp words of the turning radius, or Dubins words where it must not reverse."""
 
-    words: int = 4
+    ways: int = 4
 
     @property
     def state_space(self) -> Literal["SE2", "ReedsShepp", "Dubins"]:
         return "ReedsShepp" if self.reverse else "Dubins"
 
-    def paths(self, a: Pose, b: Pose) -> Iterator[Path]:
-        words = candidates(a, b, self.turning_radius, self.reverse)
-        for word in words[: self.words]:
+    @cached_property
+    def _limits(self) -> tuple[Array, Array]:
+        (straight, left, right), (push, push_left, push_right) = self._constant(
+            *((1.0, 0.0, k / self.turning_radius) for k in (0, 1, -1))
+        )
+        return np.array([straight, min(left, right)]), np.array([push, min(push_left, push_right)])
+
+    def motions(self, a: Array, b: Array) -> Motions:
+        steering = abs(self._steering_angle(1 / self.turning_radius)) / self.robot.limits.steering_rate
+        times, curvature, length = _quickest_words(
+            a, b, self.turning_radius, self.reverse, *self._limits, steering, self.ways
+        )
+
+        def path(pair: int, way: int) -> Path:
             pieces: list[Piece] = []
-            pose = a
-            for curvature, length in word.segments:
-                pieces.append(arc(pose, curvature, length))
+            pose = Pose(*a[pair].tolist())
+            for k, ell in zip(curvature[pair, way].tolist(), length[pair, way].tolist(), strict=True):
+                pieces.append(arc(pose, k, ell))
                 pose = pieces[-1].end
-            yield merge(pieces)
+            return merge(pieces)
 
-    @property
-    def stations(self) -> int:
-        return 12
+        return Motions(times, path)
 
-    def direct_paths(self, a: Pose, b: Pose) -> Iterator[Path]:
-        for scale in (1.0, 1.5, 2.5, 4.0):
-            wider = replace(self, turning_radius=scale * self.turning_radius, words=_DIRECT_WORDS)
-            yield from wider.paths(a, b)
+    def direct(self, a: Array, b: Array) -> list[Motions]:
+        return [
+            replace(self, turning_radius=scale * self.turning_radius, ways=_DIRECT_WAYS).motions(a, b)
+            for scale in (1.0, 1.5, 2.5, 4.0)
+        ]
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(_curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
 
-    def _steering_time(self, path: Path) -> float:
-        """Time to steer at rest between pieces, the wheels taken for a single one at the middle."""
+    def _steering_angle(self, curvature: float) -> float:
+        """Of a single wheel at the middle, rad; 0 for a robot that need not stop to steer."""
         mobility = self.robot.drive.mobility(self.robot.limits)
-        if not isinstance(mobility, Car) or len(path) < 2:
+        if not isinstance(mobility, Car):
             return 0.0
-        wheelbase = math.tan(min(self.robot.limits.steering_angle, 1.5)) * mobility.min_turning_radius
-        angles = [math.atan(p.turn / p.twist.vx * wheelbase) for p in path if not isinstance(p, LinePiece)]
-        turned = math.fsum(abs(b - a) for a, b in pairwise(angles))
-        return turned / self.robot.limits.steering_rate
+        return math.atan(curvature * mobility.min_turning_radius * math.tan(min(self.robot.limits.steering_angle, 1.5)))
+
+    def _steering_time(self, path: Path) -> float:
+        angles = [self._steering_angle(p.turn / p.twist.vx) for p in path if not isinstance(p, LinePiece)]
+        return math.fsum(abs(b - a) for a, b in pairwise(angles)) / self.robot.limits.steering_rate
 
 
-@njit(cache=True)
+_DIRECT_WAYS = 16
+
+
+def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:
+    """The local planner that the robot's mobility asks for."""
+    match robot.drive.mobility(robot.limits):
+        case Holonomic():
+            return LineConnector(robot, world)
+        case Car(min_turning_radius):
+            return CurveConnector(robot, world, options.reverse, max(options.turning_radius, min_turning_radius))
+        case Unicycle():
+            if options.turning_radius > 0:
+                return CurveConnector(robot, world, options.reverse, options.turning_radius)
+            return PivotConnector(robot, world, options.reverse)
+
+
+def _wrapped(angle: Array) -> Array:
+    """The same angles in (-π, π], and none that is only rounding."""
+    inside: Array = math.pi - (math.pi - angle) % math.tau
+    return np.where(np.abs(inside) < _NOTHING, 0.0, inside)
+
+
+def _rest_to_rest(way: Array, speed: Any, acceleration: Any) -> Array:
+    """Time (s) over ways >= 0 from rest to rest."""
+    cruises = way * acceleration > speed**2
+    return np.where(cruises, way / speed + speed / acceleration, 2 * np.sqrt(way / acceleration))
+
+
+@_kernel
+def _quickest_words(
+    a: Array, b: Array, radius: float, reverse: bool, speed: Array, acceleration: Array, steering: float, ways: int
+) -> tuple[Array, Array, Array]:
+    """The words from a (n, 3) to b (n, 3) that take least time, at most `ways` each, the quickest first.
+
+    speed, acceleration (2,): on straights and on curves. steering s: from straight to the curve. Returns times (n,
+    ways), curvature (n, ways, 5) 1/m, length (n, ways, 5) m.
+    """
+    n = len(a)
+    times = np.full((n, ways), np.inf)
+    curvatures, lengths = np.zeros((n, ways, 5)), np.zeros((n, ways, 5))
+    for i in range(n):
+        c, s = math.cos(a[i, 2]), math.sin(a[i, 2])
+        dx, dy = (b[i, 0] - a[i, 0]) / radius, (b[i, 1] - a[i, 1]) / radius
+        x, y, phi = c * dx + s * dy, c * dy - s * dx, b[i, 2] - a[i, 2]
+        words, arcs, count = reeds_shepp_words(x, y, phi) if reverse else dubins_words(x, y, phi)
+        for k in range(count):
+            time, last = 0.0, -2.0
+            for j in range(words.shape[1]):
+                ell = abs(arcs[k, j]) * radius
+                if ell == 0.0:
+                    continue
+                curve = words[k, j]
+                bent = 1 if curve != 0.0 else 0
+                v, accel = speed[bent], acceleration[bent]
+                time += ell / v + v / accel if ell * accel > v * v else 2 * math.sqrt(ell / accel)
+                if last != -2.0:
+                    time += abs(curve - last) * steering
+                last = curve
+            if time >= times[i, ways - 1]:
+                continue
+            place = ways - 1
+            while place > 0 and times[i, place - 1] > time:
+                times[i, place] = times[i, place - 1]
+                curvatures[i, place] = curvatures[i, place - 1]
+                lengths[i, place] = lengths[i, place - 1]
+                place -= 1
+            times[i, place] = time
+            curvatures[i, place] = words[k] / radius
+            lengths[i, place] = arcs[k] * radius
+    return times, curvatures, lengths
+
+
+@_kernel
 def _curve_free(
     world: World, ax: float, ay: float, ath: float, bx: float, by: float, bth: float, radius: float, reverse: bool
 ) -> bool:
@@ -194,14 +314,22 @@ def _curve_free(
     return True
 
 
-def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:
-    """The local planner that the robot's mobility asks for."""
-    match robot.drive.mobility(robot.limits):
-        case Holonomic():
-            return LineConnector(robot, world)
-        case Car(min_turning_radius):
-            return CurveConnector(robot, world, options.reverse, max(options.turning_radius, min_turning_radius))
-        case Unicycle():
-            if options.turning_radius > 0:
-                return CurveConnector(robot, world, options.reverse, options.turning_radius)
-            return PivotConnector(robot, world, options.reverse)
+@_kernel
+def _pivot_free(
+    world: World, ax: float, ay: float, ath: float, bx: float, by: float, bth: float, reverse: bool
+) -> bool:
+    """Whether turning towards b, driving there and turning on is free everywhere, forwards or backwards."""
+    dx, dy = bx - ax, by - ay
+    for sign in (1.0, -1.0):
+        if sign < 0 and not reverse:
+            break
+        course = math.atan2(sign * dy, sign * dx)
+        first = math.pi - (math.pi - (course - ath)) % math.tau
+        last = math.pi - (math.pi - (bth - course)) % math.tau
+        if (
+            linear_free(world, ax, ay, ath + first, bx, by, ath + first)
+            and linear_free(world, ax, ay, ath, ax, ay, ath + first)
+            and linear_free(world, bx, by, ath + first, bx, by, ath + first + last)
+        ):
+            return True
+    return False

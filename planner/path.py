@@ -51,17 +51,13 @@ class TwistPiece:
         y = self.start.y + chord * (d * vx + c * vy)
         return np.stack([x, y, self.start.theta + omega * s], -1)
 
-    def tangents(self, s: Array) -> Array:
-        """Tangents (n, 3) in the body frame, per unit of s."""
-        return np.tile(np.array(self.twist, dtype=np.float64), (len(s), 1))
-
     def part(self, a: float, b: float) -> TwistPiece:
         """The piece between s = a and s = b."""
         start = compose(self.start, exp(Twist(*(a * v for v in self.twist))))
         return TwistPiece(start, Twist(*((b - a) * v for v in self.twist)))
 
     def body_path(self, s: Array) -> BodyPath:
-        tangent = self.tangents(s)
+        tangent = np.repeat(np.array([self.twist], dtype=np.float64), len(s), 0)
         return BodyPath(s, self.start.theta + self.twist.omega * s, tangent, np.zeros_like(tangent))
 
 
@@ -91,22 +87,17 @@ class LinePiece:
         a, b = np.array(self.start), np.array(self.end)
         return a + np.multiply.outer(s, b - a)
 
-    def tangents(self, s: Array) -> Array:
-        """Tangents (n, 3) in the body frame, per unit of s."""
-        dx, dy = self.end.x - self.start.x, self.end.y - self.start.y
-        heading = self.start.theta + self.turn * s
-        c, d = np.cos(heading), np.sin(heading)
-        return np.stack([c * dx + d * dy, -d * dx + c * dy, np.full_like(s, self.turn)], -1)
-
     def part(self, a: float, b: float) -> LinePiece:
         """The piece between s = a and s = b."""
         return LinePiece(*(Pose(*pose) for pose in self.poses(np.array([a, b])).tolist()))
 
     def body_path(self, s: Array) -> BodyPath:
-        tangent = self.tangents(s)
-        vx, vy, turn = tangent.T
-        derivative = np.stack([turn * vy, -turn * vx, np.zeros_like(s)], -1)
-        return BodyPath(s, self.start.theta + self.turn * s, tangent, derivative)
+        dx, dy, turn = self.end.x - self.start.x, self.end.y - self.start.y, self.turn
+        heading = self.start.theta + turn * s
+        c, d = np.cos(heading), np.sin(heading)
+        vx, vy = c * dx + d * dy, c * dy - d * dx
+        tangent = np.stack([vx, vy, np.full_like(s, turn)], -1)
+        return BodyPath(s, heading, tangent, np.stack([turn * vy, -turn * vx, np.zeros_like(s)], -1))
 
 
 Piece = TwistPiece | LinePiece

@@ -139,7 +139,7 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
     for planner, path in ways:
         watch.lap("search")
         if planner != "direct":
-            path = shorten(path, local, local.stations)
+            path = shorten(path, local)
             watch.lap("shorten")
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)
@@ -163,12 +163,17 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
 
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> list[Path]:
     """The quickest free ways, by estimate, that need no search."""
-    paths = [path for goal in goals for path in local.direct_paths(start, goal)]
-    times = local.durations(paths)
+    ways = [
+        (float(time), motions, pair, way)
+        for motions in local.direct(np.repeat([start], len(goals), 0), np.array(goals))
+        for (pair, way), time in np.ndenumerate(motions.times)
+        if time < np.inf
+    ]
     best: list[Path] = []
-    for k in sorted(range(len(paths)), key=times.__getitem__):
-        if is_path_free(local.world, paths[k]):
-            best.append(paths[k])
+    for _, motions, pair, way in sorted(ways, key=lambda w: w[0]):
+        path = motions.path(pair, way)
+        if is_path_free(local.world, path):
+            best.append(path)
             if len(best) == _GOOD_CANDIDATES:
                 break
     return best

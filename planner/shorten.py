@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
+from dataclasses import dataclass
 
 import numpy as np
 
-from drives.se2 import Pose
+from drives.se2 import Array, Pose
 from planner.connect import Connector, is_path_free
 from planner.path import Path, merge
 
 __all__ = ["shorten"]
 
+_STATIONS = 24
 _ROUNDS = 4
 _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
 
 
-def shorten(path: Path, connector: Connector, stations: int) -> Path:
+def shorten(path: Path, connector: Connector) -> Path:
     """The quickest path, by estimate, that joins some of the poses along the given one by the connector's motions.
 
-    stations: how many poses along the path are considered. Start and end stay; the end's heading may change by
-    whole turns. The result is free if the path is.
+    Start and end stay, the end's heading up to whole turns. The result is free if the path is.
     """
-    best, time = path, connector.durations([path])[0]
+    best, time = path, connector.duration(path)
     for _ in range(_ROUNDS):
-        shorter = _shortcut(best, connector, stations)
-        quicker = connector.durations([shorter])[0]
+        shorter = _shortcut(best, connector)
+        quicker = connector.duration(shorter)
         if quicker >= time:
             return best
         done = quicker > _GAIN * time
@@ -37,37 +37,66 @@ def shorten(path: Path, connector: Connector, stations: int) -> Path:
     return best
 
 
-def _shortcut(path: Path, connector: Connector, stations: int) -> Path:
-    poses, between = _stations(path, stations)
+@dataclass(slots=True)
+class _Join:
+    """One way from station i to station j."""
+
+    i: int
+    j: int
+    time: float
+    pair: int
+    way: int
+    path: Path | None = None
+
+
+def _shortcut(path: Path, connector: Connector) -> Path:
+    poses, between = _stations(path)
     last = len(poses) - 1
-    # Every pair may be joined by what the path itself does there, or by the connector's own motions.
-    joins: list[tuple[int, int, Path, bool]] = [(i, i + 1, step, True) for i, step in enumerate(between)]
-    for i, j in combinations(range(last + 1), 2):
-        joins += [(i, j, step, False) for step in connector.paths(poses[i], poses[j])]
-    times = connector.durations([step for _, _, step, _ in joins])
-    into: list[list[tuple[float, int]]] = [[] for _ in poses]
-    for k, (_, j, _, _) in enumerate(joins):
-        into[j].append((times[k], k))
+    first, second = np.triu_indices(last + 1, 1)
+    motions = connector.motions(poses[first], poses[second])
+    # Every pair may be joined by the connector's motions; neighbours also by what the path itself does there.
+    into: list[list[_Join]] = [[] for _ in poses]
+    pairs, ways = np.nonzero(np.isfinite(motions.times))
+    for pair, way, time in zip(pairs.tolist(), ways.tolist(), motions.times[pairs, ways].tolist(), strict=True):
+        i, j = int(first[pair]), int(second[pair])
+        into[j].append(_Join(i, j, time, pair, way))
+    known = set()
+    for i, step in enumerate(between):
+        join = _Join(i, i + 1, connector.duration(step), -1, -1, step)
+        into[i + 1].append(join)
+        known.add(id(join))
     # Lazy: find the quickest chain as if all were free, check what it uses, and again without what is not.
-    free = [known for *_, known in joins]
     while True:
-        reach = [0.0] + [math.inf] * last
-        by = [-1] * (last + 1)
-        for j in range(1, last + 1):
-            for cost, k in into[j]:
-                if reach[joins[k][0]] + cost < reach[j]:
-                    reach[j], by[j] = reach[joins[k][0]] + cost, k
-        chain, j = [], last
-        while j > 0:
-            chain.append(by[j])
-            j = joins[by[j]][0]
-        blocked = [k for k in chain if not free[k] and not is_path_free(connector.world, joins[k][2])]
-        for k in set(chain) - set(blocked):
-            free[k] = True
+        chain = _quickest(into)
+        blocked = False
+        for join in chain:
+            if id(join) in known:
+                continue
+            join.path = motions.path(join.pair, join.way)
+            if is_path_free(connector.world, join.path):
+                known.add(id(join))
+            else:
+                into[join.j] = [other for other in into[join.j] if other is not join]
+                blocked = True
         if not blocked:
-            return _unwrapped(poses[0], [joins[k][2] for k in reversed(chain)])
-        for k in blocked:
-            into[joins[k][1]].remove((times[k], k))
+            return _unwrapped(path[0].start, [join.path or () for join in chain])
+
+
+def _quickest(into: list[list[_Join]]) -> list[_Join]:
+    """The chain of joins from the first station to the last that takes least time."""
+    reach = [0.0] + [math.inf] * (len(into) - 1)
+    by: list[_Join | None] = [None] * len(into)
+    for j in range(1, len(into)):
+        for join in into[j]:
+            time = reach[join.i] + join.time
+            if time < reach[j]:
+                reach[j], by[j] = time, join
+    chain: list[_Join] = []
+    join = by[-1]
+    while join is not None:
+        chain.append(join)
+        join = by[join.i]
+    return chain[::-1]
 
 
 def _unwrapped(start: Pose, steps: list[Path]) -> Path:
@@ -75,17 +104,18 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
     pieces = []
     theta = start.theta
     for piece in (piece for step in steps for piece in step):
-        turns = round((theta - piece.start.theta) / (2 * math.pi)) * 2 * math.pi
+        turns = round((theta - piece.start.theta) / math.tau) * math.tau
         pieces.append(piece.turned(turns))
         theta = pieces[-1].end.theta
     return merge(pieces)
 
 
-def _stations(path: Path, count: int) -> tuple[list[Pose], list[Path]]:
-    """Poses along the path, ends of pieces included, and the parts of the path between them."""
+def _stations(path: Path) -> tuple[Array, list[Path]]:
+    """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    shares = np.maximum(1, np.floor(count * ways / ways.sum())).astype(int)
+    shares = np.maximum(1, np.floor(_STATIONS * ways / ways.sum())).astype(int)
     parts = [
         piece.part(k / n, (k + 1) / n) for piece, n in zip(path, shares.tolist(), strict=True) for k in range(n)
     ]
-    return [parts[0].start, *(part.end for part in parts)], [(part,) for part in parts]
+    poses = np.array([parts[0].start, *(part.end for part in parts)])
+    return poses, [(part,) for part in parts]

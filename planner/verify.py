@@ -21,12 +21,12 @@ from planner.errors import AuditFailed
 from planner.problem import Problem
 from planner.schedule import WheelSchedule
 
-__all__ = ["Certificate", "World", "verify"]
+__all__ = ["Certificate", "Surroundings", "verify"]
 
 # How far rolling may end from the goal or leave the stated poses: m, m per metre travelled, rad.
 _POSITION, _POSITION_PER_METRE, _HEADING = 5e-4, 5e-5, 1e-3
 # What may be lost where a number is copied, and where two are said to be the same (m, rad, s, rad/s).
-_COPIED, _SAME = 5e-7, 5e-10
+_COPIED, _SAME = 5e-7, 1e-9
 # The largest rate that counts as rest, as a share of its limit; how much of the clearance may be missing, m.
 _REST, _CLEARANCE = 5e-7, 1e-4
 # Motion of the footprint between two looks at its clearance, m: everywhere, where it comes close, and in all;
@@ -96,7 +96,7 @@ class Certificate:
     drift_heading: float
 
 
-class World(Protocol):
+class Surroundings(Protocol):
     """Whoever knows how far the footprint is from obstacles and the boundary; negative: how deep in them."""
 
     def clearance(self, poses: Array) -> Array:
@@ -134,7 +134,7 @@ class _Rolled:
         return _POSITION + _POSITION_PER_METRE * float(np.hypot(step[:, 0], step[:, 1]).sum())
 
 
-def verify(problem: Problem, schedule: WheelSchedule, world: World) -> Certificate:
+def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Certificate:
     """Certify a schedule for a problem.
 
     Raises AuditFailed with what was found and a sentence for each violation. Where a column has the wrong
@@ -351,7 +351,7 @@ def _route(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterat
 
 
 def _clearance(
-    problem: Problem, schedule: WheelSchedule, rolled: _Rolled, world: World
+    problem: Problem, schedule: WheelSchedule, rolled: _Rolled, world: Surroundings
 ) -> tuple[float, list[str]]:
     """The smallest clearance (m) of the motion, and a sentence where it is too small."""
     footprint, fixed = problem.robot.footprint, problem.robot.drive.fixed_body_heading
@@ -369,7 +369,7 @@ def _clearance(
     return nearest, [f"the clearance is {nearest:.6g} m {where}, allowed at least {asked:.6g} m"]
 
 
-def _nearest(world: World, path: Array, reach: float, asked: float) -> tuple[float, Array]:
+def _nearest(world: Surroundings, path: Array, reach: float, asked: float) -> tuple[float, Array]:
     """The smallest clearance (m, within ±1e6) along a polyline (n, 4) of poses and times, and the point (4,)
     where it is. reach m: of the footprint. What cannot be checked has a clearance of -1e6."""
     step = np.abs(np.diff(path, axis=0))

@@ -62,7 +62,8 @@ class Discs:
         self.asked += len(poses)
         self.headings += tuple(poses[:, 2])
         gaps = [np.hypot(poses[:, 0] - x, poses[:, 1] - y) - r - RADIUS for x, y, r in self.discs]
-        return np.min([np.full(len(poses), np.inf), *gaps], axis=0)
+        nearest: Array = np.min([np.full(len(poses), np.inf), *gaps], axis=0)
+        return nearest
 
 
 @dataclass(frozen=True)
@@ -185,9 +186,9 @@ def trapezoid(distance: float, acceleration: float, top: float) -> Case:
     s = np.where(left < ramp, distance - acceleration * left**2 / 2, s)
     pose = np.array([compose(START, Pose(x, 0.0, 0.0)) for x in s])
     none = np.zeros((len(time), 0))
-    both = [np.column_stack([v, v]) / 0.1 for v in (s, speed, change)]
+    angle, rate, rise = (np.column_stack([v, v]) / 0.1 for v in (s, speed, change))
     twist = np.column_stack([speed, 0 * speed, 0 * speed])
-    return asking_for(drive, WheelSchedule(time, *both, none, none, pose, twist))
+    return asking_for(drive, WheelSchedule(time, angle, rate, rise, none, none, pose, twist))
 
 
 # -------------------------------------------------------- true schedules
