@@ -146,7 +146,8 @@ class Drive(ABC):
 
     @property
     def settled(self) -> Drive:
-        """The drive that this one rolls like once trailing wheels have swung round: itself where none trail."""
+        """The drive that this one rolls like once trailing wheels have swung round: itself where none
+        trail."""
         return self
 
     @abstractmethod

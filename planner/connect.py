@@ -1,13 +1,15 @@
-"""Local planners: the motions that join two poses where nothing but the robot's own mobility is in the way.
+"""Local planners: the motions that join two poses where nothing but the robot's own mobility is in the
+way.
 
-A search samples poses; a Connector says which motions join two of them, how long they take, and whether they are free.
+A search samples poses; a Connector says which motions join two of them, how long they take, and whether
+they are free.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -24,7 +26,15 @@ from planner.path import LinePiece, Path, Piece, arc, merge, pivot
 from planner.problem import Options, Robot
 from planner.time_law import duration_estimate
 
-__all__ = ["Connector", "CurveConnector", "LineConnector", "Motions", "PivotConnector", "connector", "is_path_free"]
+__all__ = [
+    "Connector",
+    "CurveConnector",
+    "LineConnector",
+    "Motions",
+    "PivotConnector",
+    "connector",
+    "is_path_free",
+]
 
 _NOTHING = 1e-9
 """Ways (m) and turns (rad) below this are rounding, not motion."""
@@ -47,8 +57,8 @@ def is_path_free(world: CollisionWorld, path: Path) -> bool:
 
 
 class Motions(NamedTuple):
-    """Several ways to join each of n pairs of poses. times (n, ways) s, estimated, inf where there is no such way;
-    path(pair, way) is the motion itself."""
+    """Several ways to join each of n pairs of poses. times (n, ways) s, estimated, inf where there is no
+    such way; path(pair, way) is the motion itself."""
 
     times: Array
     path: Callable[[int, int], Path]
@@ -101,7 +111,8 @@ class Connector(ABC):
         return 0.0
 
     def _constant(self, *twists: Sequence[float]) -> tuple[Array, Array]:
-        """Largest speed and acceleration (k,) along constant unit twists: per second and second², of the unit."""
+        """Largest speed and acceleration (k,) along constant unit twists: per second and second², of the
+        unit."""
         # Rest to rest over a way so short, and so long, that only one of them counts.
         unit = np.array(twists, dtype=np.float64)[:, None, :]
         short, long = self._rest_to_rest(unit * 1e-6), self._rest_to_rest(unit * 1e9)
@@ -131,7 +142,8 @@ class LineConnector(Connector):
 
 @dataclass(frozen=True, eq=False)
 class PivotConnector(Connector):
-    """Unicycle: turn on the spot towards the goal, drive straight, turn on the spot. Forwards or backwards."""
+    """Unicycle: turn on the spot towards the goal, drive straight, turn on the spot. Forwards or
+    backwards."""
 
     @cached_property
     def _limits(self) -> tuple[Array, Array]:
@@ -213,7 +225,9 @@ class CurveConnector(Connector):
         mobility = self.robot.drive.mobility(self.robot.limits)
         if not isinstance(mobility, Car):
             return 0.0
-        return math.atan(curvature * mobility.min_turning_radius * math.tan(min(self.robot.limits.steering_angle, 1.5)))
+        return math.atan(
+            curvature * mobility.min_turning_radius * math.tan(min(self.robot.limits.steering_angle, 1.5))
+        )
 
     def _steering_time(self, path: Path) -> float:
         angles = [self._steering_angle(p.turn / p.twist.vx) for p in path if not isinstance(p, LinePiece)]
@@ -229,7 +243,9 @@ def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connecto
         case Holonomic():
             return LineConnector(robot, world)
         case Car(min_turning_radius):
-            return CurveConnector(robot, world, options.reverse, max(options.turning_radius, min_turning_radius))
+            return CurveConnector(
+                robot, world, options.reverse, max(options.turning_radius, min_turning_radius)
+            )
         case Unicycle():
             if options.turning_radius > 0:
                 return CurveConnector(robot, world, options.reverse, options.turning_radius)
@@ -245,17 +261,25 @@ def _wrapped(angle: Array) -> Array:
 def _rest_to_rest(way: Array, speed: Any, acceleration: Any) -> Array:
     """Time (s) over ways >= 0 from rest to rest."""
     cruises = way * acceleration > speed**2
-    return np.where(cruises, way / speed + speed / acceleration, 2 * np.sqrt(way / acceleration))
+    time: Array = np.where(cruises, way / speed + speed / acceleration, 2 * np.sqrt(way / acceleration))
+    return time
 
 
 @_kernel
 def _quickest_words(
-    a: Array, b: Array, radius: float, reverse: bool, speed: Array, acceleration: Array, steering: float, ways: int
+    a: Array,
+    b: Array,
+    radius: float,
+    reverse: bool,
+    speed: Array,
+    acceleration: Array,
+    steering: float,
+    ways: int,
 ) -> tuple[Array, Array, Array]:
     """The words from a (n, 3) to b (n, 3) that take least time, at most `ways` each, the quickest first.
 
-    speed, acceleration (2,): on straights and on curves. steering s: from straight to the curve. Returns times (n,
-    ways), curvature (n, ways, 5) 1/m, length (n, ways, 5) m.
+    speed, acceleration (2,): on straights and on curves. steering s: from straight to the curve. Returns
+    times (n, ways), curvature (n, ways, 5) 1/m, length (n, ways, 5) m.
     """
     n = len(a)
     times = np.full((n, ways), np.inf)
@@ -294,7 +318,15 @@ def _quickest_words(
 
 @_kernel
 def _curve_free(
-    world: World, ax: float, ay: float, ath: float, bx: float, by: float, bth: float, radius: float, reverse: bool
+    world: World,
+    ax: float,
+    ay: float,
+    ath: float,
+    bx: float,
+    by: float,
+    bth: float,
+    radius: float,
+    reverse: bool,
 ) -> bool:
     """Whether the shortest word from a to b is free everywhere."""
     c, s = math.cos(ath), math.sin(ath)

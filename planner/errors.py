@@ -25,7 +25,8 @@ __all__ = [
 
 
 class PlanningError(Exception):
-    """Base of all planning failures. `code` is stable; `details` holds JSON values that belong in the answer."""
+    """Base of all planning failures. `code` is stable; `details` holds JSON values that belong in the
+    answer."""
 
     code: str = "planning-error"
 

@@ -63,7 +63,8 @@ class TwistPiece:
 
 @dataclass(frozen=True, slots=True)
 class LinePiece:
-    """A straight line of the body origin in the world, the heading changing in proportion (OMPL's SE(2) edge).
+    """A straight line of the body origin in the world, the heading changing in proportion (OMPL's SE(2)
+    edge).
 
     start.theta and end.theta are unwrapped: the turn is their difference.
     """
@@ -85,7 +86,8 @@ class LinePiece:
 
     def poses(self, s: Array) -> Array:
         a, b = np.array(self.start), np.array(self.end)
-        return a + np.multiply.outer(s, b - a)
+        poses: Array = a + np.multiply.outer(s, b - a)
+        return poses
 
     def part(self, a: float, b: float) -> LinePiece:
         """The piece between s = a and s = b."""

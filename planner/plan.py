@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import Any
@@ -13,12 +13,18 @@ import numpy as np
 
 from drives import Ackermann, Differential, Mecanum, PoweredCaster
 from drives.drive import BodyPath, Limits
-from drives.se2 import Array, Pose, wrap
+from drives.se2 import Pose, wrap
 from drives.wheel import Module
 from planner.connect import Connector, connector, is_path_free
 from planner.environment import CollisionWorld
 from planner.errors import (
-    AuditFailed, LimitsInfeasible, NoPathExists, NoPathFound, PlanningError, PoseInCollision, PoseOutOfBounds,
+    AuditFailed,
+    LimitsInfeasible,
+    NoPathExists,
+    NoPathFound,
+    PlanningError,
+    PoseInCollision,
+    PoseOutOfBounds,
 )  # fmt: skip
 from planner.path import Path, path_length
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Problem, Robot
@@ -40,8 +46,8 @@ _SAME = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A certified answer. duration s; length m (travelled by the body origin); planning: JSON values that say how
-    it was made: planner, state_space, seed, timings {stage: s}, …"""
+    """A certified answer. duration s; length m (travelled by the body origin); planning: JSON values that
+    say how it was made: planner, state_space, seed, timings {stage: s}, …"""
 
     duration: float
     length: float
@@ -115,7 +121,10 @@ def _check(which: Any, pose: Pose, world: CollisionWorld, min_clearance: float) 
         short = float(world.clearance(np.array([pose]))[0]) - min_clearance
         needed = f" by min_clearance {min_clearance:g} m" if min_clearance else ""
         raise PoseInCollision(
-            which, f"the footprint at the {which} does not clear the obstacles{needed}: {short:.4f} m", pose, short
+            which,
+            f"the footprint at the {which} does not clear the obstacles{needed}: {short:.4f} m",
+            pose,
+            short,
         )
 
 
@@ -133,7 +142,7 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
     direct = _direct(problem.start, local, goals)
     if not direct:
         _refuse_if_separated(problem, local.world)
-    ways: Iterator[tuple[str, Path]] = ((("direct", path) for path in direct))
+    ways: Iterator[tuple[str, Path]] = (("direct", path) for path in direct)
     if not direct or options.effort == "best":
         ways = chain(ways, search.paths(watch.is_over))
     for planner, path in ways:
@@ -204,7 +213,9 @@ def _standing(problem: Problem, world: CollisionWorld, watch: _Stopwatch) -> Pla
     made = standstill(np.array(start), len(drive.wheel_names), steering)
     certificate = verify(problem, made, world)
     watch.lap("verify")
-    return Plan(0.0, 0.0, made, certificate, _planning(problem, watch, planner="none", state_space="SE2", stops=0))
+    return Plan(
+        0.0, 0.0, made, certificate, _planning(problem, watch, planner="none", state_space="SE2", stops=0)
+    )
 
 
 def _planning(problem: Problem, watch: _Stopwatch, **about: Any) -> dict[str, Any]:
@@ -235,7 +246,8 @@ class _Stopwatch:
 
 
 def warm_up() -> None:
-    """Import and compile whatever the first plan would otherwise wait for, by planning a little of everything."""
+    """Import and compile whatever the first plan would otherwise wait for, by planning a little of
+    everything."""
     modules = tuple(Module(name, x, y) for name, x, y in (("left", 0.0, 0.2), ("right", 0.0, -0.2)))
     for drive in (
         Mecanum(0.05, 0.3, 0.4), Differential(0.05, 0.3), Ackermann(0.05, 0.4, 0.3), PoweredCaster(0.05, 0.04, modules)

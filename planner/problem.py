@@ -9,13 +9,24 @@ from typing import Literal
 from drives.drive import Drive, Limits
 from drives.se2 import Array, Pose
 
-__all__ = ["Bounds", "Circle", "Environment", "Footprint", "Goal", "MapLayer", "Options", "Polygon", "Problem", "Robot"]
+__all__ = [
+    "Bounds",
+    "Circle",
+    "Environment",
+    "Footprint",
+    "Goal",
+    "MapLayer",
+    "Options",
+    "Polygon",
+    "Problem",
+    "Robot",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footprint:
-    """A simple polygon in the body frame, grown by a disc: vertices (n, 2) m, counter-clockwise, n = 1 or >= 3;
-    radius m >= 0. A circular robot is the single vertex (0, 0) and its radius."""
+    """A simple polygon in the body frame, grown by a disc: vertices (n, 2) m, counter-clockwise, n = 1 or
+    >= 3; radius m >= 0. A circular robot is the single vertex (0, 0) and its radius."""
 
     vertices: Array
     radius: float = 0.0

@@ -17,8 +17,8 @@ class WheelSchedule:
     """A motion sampled at 0, period, 2 period, …, duration (the last step may be shorter).
 
     time (n,) s; wheel_angle, wheel_velocity, wheel_acceleration (n, m) rad, rad/s, rad/s²; steering_angle,
-    steering_rate (n, k) rad, rad/s; pose (n, 3) in the world frame, theta continuous; twist (n, 3) in the body
-    frame. Columns are in the drive's order of wheels and of steered wheels. At rest at both ends.
+    steering_rate (n, k) rad, rad/s; pose (n, 3) in the world frame, theta continuous; twist (n, 3) in the
+    body frame. Columns are in the drive's order of wheels and of steered wheels. At rest at both ends.
     """
 
     time: Array
@@ -46,7 +46,7 @@ def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
     """The trajectory at 0, period, 2 period, …, duration."""
     duration = trajectory.duration
     steps = int(np.floor(duration / period * (1 + 1e-12)))
-    time = np.arange(steps + 1) * period
+    time: Array = np.arange(steps + 1) * period
     # A last step so short that its differences are rounding is left out.
     if duration - time[-1] > 1e-6 * period or steps == 0:
         time = np.append(time, duration)

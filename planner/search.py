@@ -1,8 +1,9 @@
 """Problem → Path. The only file that imports ompl.
 
-OMPL's planners sample the state space (SE(2), Reeds–Shepp, Dubins) and grow their trees by a MotionValidator that
-asks the robot's own Connector; the path is then built again from the same Connector's motions, so what drives is
-what was checked. Planners take turns under limits of work, not of time, so that a seed names its path.
+OMPL's planners sample the state space (SE(2), Reeds–Shepp, Dubins) and grow their trees by a
+MotionValidator that asks the robot's own Connector; the path is then built again from the same Connector's
+motions, so what drives is what was checked. Planners take turns under limits of work, not of time, so that
+a seed names its path.
 """
 
 from __future__ import annotations
@@ -27,9 +28,14 @@ __all__ = ["Search"]
 ou.setLogLevel(ou.LOG_NONE)
 
 _TURNS: tuple[tuple[str, int], ...] = (
-    ("RRTConnect", 2_000), ("RRTConnect", 4_000), ("KPIECE1", 4_000), ("RRTConnect", 16_000), ("BKPIECE1", 16_000),
-)  # fmt: skip
-"""Planners in turn, each with the number of motions it may check; the last ones repeat, with more each time."""
+    ("RRTConnect", 2_000),
+    ("RRTConnect", 4_000),
+    ("KPIECE1", 4_000),
+    ("RRTConnect", 16_000),
+    ("BKPIECE1", 16_000),
+)
+"""Planners in turn, each with the number of motions it may check; the last ones repeat, with more each
+time."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
@@ -40,11 +46,9 @@ class _Validator(ob.MotionValidator):  # type: ignore[misc]
         self.free = connector.edge_free
         self.count = 0
 
-    def checkMotion(self, a: Any, b: Any) -> bool:  # noqa: N802
+    def checkMotion(self, a: Any, b: Any) -> bool:
         self.count += 1
-        return self.free(
-            Pose(a.getX(), a.getY(), a.getYaw()), Pose(b.getX(), b.getY(), b.getYaw())
-        )
+        return self.free(Pose(a.getX(), a.getY(), a.getYaw()), Pose(b.getX(), b.getY(), b.getYaw()))
 
 
 class Search:
@@ -53,7 +57,9 @@ class Search:
     goals: at least one, all free, as the start is. Poses are sampled in the bounds and the map's outline.
     """
 
-    def __init__(self, connector: Connector, bounds: Bounds | None, start: Pose, goals: Sequence[Pose], seed: int) -> None:
+    def __init__(
+        self, connector: Connector, bounds: Bounds | None, start: Pose, goals: Sequence[Pose], seed: int
+    ) -> None:
         self.connector, self.start, self.goals, self.seed = connector, start, goals, seed
         self.area = _area(connector.world.kernel, bounds)
         self.tried: list[dict[str, Any]] = []

@@ -20,7 +20,8 @@ _GAIN = 0.995
 
 
 def shorten(path: Path, connector: Connector) -> Path:
-    """The quickest path, by estimate, that joins some of the poses along the given one by the connector's motions.
+    """The quickest path, by estimate, that joins some of the poses along the given one by the connector's
+    motions.
 
     Start and end stay, the end's heading up to whole turns. The result is free if the path is.
     """
@@ -57,7 +58,9 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     # Every pair may be joined by the connector's motions; neighbours also by what the path itself does there.
     into: list[list[_Join]] = [[] for _ in poses]
     pairs, ways = np.nonzero(np.isfinite(motions.times))
-    for pair, way, time in zip(pairs.tolist(), ways.tolist(), motions.times[pairs, ways].tolist(), strict=True):
+    for pair, way, time in zip(
+        pairs.tolist(), ways.tolist(), motions.times[pairs, ways].tolist(), strict=True
+    ):
         i, j = int(first[pair]), int(second[pair])
         into[j].append(_Join(i, j, time, pair, way))
     known = set()
@@ -92,10 +95,10 @@ def _quickest(into: list[list[_Join]]) -> list[_Join]:
             if time < reach[j]:
                 reach[j], by[j] = time, join
     chain: list[_Join] = []
-    join = by[-1]
-    while join is not None:
-        chain.append(join)
-        join = by[join.i]
+    last = by[-1]
+    while last is not None:
+        chain.append(last)
+        last = by[last.i]
     return chain[::-1]
 
 
@@ -115,7 +118,9 @@ def _stations(path: Path) -> tuple[Array, list[Path]]:
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
     shares = np.maximum(1, np.floor(_STATIONS * ways / ways.sum())).astype(int)
     parts = [
-        piece.part(k / n, (k + 1) / n) for piece, n in zip(path, shares.tolist(), strict=True) for k in range(n)
+        piece.part(k / n, (k + 1) / n)
+        for piece, n in zip(path, shares.tolist(), strict=True)
+        for k in range(n)
     ]
     poses = np.array([parts[0].start, *(part.end for part in parts)])
     return poses, [(part,) for part in parts]

@@ -1,10 +1,11 @@
-"""Path → Trajectory: when to be where, as fast as the wheels allow. The only file that imports toppra and ruckig.
+"""Path → Trajectory: when to be where, as fast as the wheels allow. The only file that imports toppra and
+ruckig.
 
-Everything happens in actuator space (see drives.drive). Along one piece, with w(s), w′(s) of every wheel and δ′(s) of
-every steered one, the limits are linear in (s̈, ṡ²), which is what TOPPRA solves (Pham and Pham, 2018). Where w is
-constant they do not depend on s at all, and Ruckig's state-to-state law is exact, jerk included (Berscheid and
-Kröger, 2021). Between pieces the robot is at rest; there the steered wheels are turned to where the next piece
-needs them.
+Everything happens in actuator space (see drives.drive). Along one piece, with w(s), w′(s) of every wheel
+and δ′(s) of every steered one, the limits are linear in (s̈, ṡ²), which is what TOPPRA solves (Pham and
+Pham, 2018). Where w is constant they do not depend on s at all, and Ruckig's state-to-state law is exact,
+jerk included (Berscheid and Kröger, 2021). Between pieces the robot is at rest; there the steered wheels
+are turned to where the next piece needs them.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ __all__ = ["TimedPath", "duration_estimate", "time_path"]
 
 _GRID_START, _GRID_MAX = 96, 3000
 _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
-"""Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid interval."""
+"""Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
+interval."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i], jerk[i].
-    time has one entry more than the others, its last is the duration."""
+    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i],
+    jerk[i]. time has one entry more than the others, its last is the duration."""
 
     time: Array
     position: Array
@@ -222,9 +224,13 @@ def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Arr
     speed = np.hypot(vx, vy)
     tangential = np.divide(vx * dvx + vy * dvy, speed, out=np.zeros_like(speed), where=speed > 0)
     a = np.column_stack([law.wheel / limits.wheel_acceleration, speed / limits.linear_acceleration])
-    b = np.column_stack([law.wheel_derivative / limits.wheel_acceleration, tangential / limits.linear_acceleration])
+    b = np.column_stack(
+        [law.wheel_derivative / limits.wheel_acceleration, tangential / limits.linear_acceleration]
+    )
     # Turn of the direction of travel in the world: of the body, and of the velocity in the body.
-    lateral = np.abs(omega * speed + np.divide(vx * dvy - vy * dvx, speed, out=np.zeros_like(speed), where=speed > 0))
+    lateral = np.abs(
+        omega * speed + np.divide(vx * dvy - vy * dvx, speed, out=np.zeros_like(speed), where=speed > 0)
+    )
     slowest = np.column_stack([
         np.abs(law.wheel) / limits.wheel_speed, np.abs(law.steering_derivative) / limits.steering_rate,
         speed / limits.linear_speed, np.abs(omega) / limits.angular_speed,
@@ -235,7 +241,8 @@ def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Arr
 
 
 def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
-    """Rest to rest over a unit of s under constant limits (any may be inf; speed or acceleration is finite)."""
+    """Rest to rest over a unit of s under constant limits (any may be inf; speed or acceleration is
+    finite)."""
     if not math.isfinite(acceleration):
         return Profile(np.array([0.0, 1 / speed]), *(np.array([x]) for x in (0.0, speed, 0.0, 0.0)))
     # In units of time in which acceleration is 1: Ruckig's tolerances are absolute.
@@ -279,13 +286,15 @@ class _ActuatorConstraint(LinearConstraint):  # type: ignore[misc]
         self.identical = True
         self.set_discretization_type(DiscretizationType.Interpolation)
 
-    def compute_constraint_params(self, path: AbstractGeometricPath, gridpoints: Array, *_: object) -> tuple[object, ...]:
+    def compute_constraint_params(
+        self, path: AbstractGeometricPath, gridpoints: Array, *_: object
+    ) -> tuple[object, ...]:
         rows = self.a.shape[1]
         identity = np.eye(rows)
         x_bound = np.column_stack([np.zeros_like(self.x_max), self.x_max])
         a, b, c, f, g, _, _ = canlinear_colloc_to_interpolate(
-            self.a, self.b, np.zeros_like(self.a), np.vstack([identity, -identity]), np.ones(2 * rows), None, None,
-            gridpoints, identical=True,
+            self.a, self.b, np.zeros_like(self.a), np.vstack([identity, -identity]), np.ones(2 * rows),
+            None, None, gridpoints, identical=True,
         )  # fmt: skip
         return a, b, c, f, g, None, x_bound
 
@@ -295,7 +304,9 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
     used = np.abs(a).max(0) > 1e-9
     unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
     rows = _ActuatorConstraint(a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6))
-    solver = TOPPRA([rows], _Samples(), gridpoints=grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
+    solver = TOPPRA(
+        [rows], _Samples(), gridpoints=grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel"
+    )
     _, rate, *_ = solver.compute_parameterization(0.0, 0.0)
     if rate is None or not np.isfinite(rate).all():
         raise LimitsInfeasible("no motion along the path meets the limits")
@@ -310,7 +321,8 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
 
 
 def _bounded(grid: Array, a: Array, b: Array, x_max: Array, law: ActuatorPath, limits: Limits) -> Profile:
-    """A jerk-limited law where w is not constant: Ruckig under bounds on ṡ, s̈, s⃛ that hold for all s at once.
+    """A jerk-limited law where w is not constant: Ruckig under bounds on ṡ, s̈, s⃛ that hold for all s at
+    once.
 
     wheel jerk = w·s⃛ + 3 w′·ṡ·s̈ + w″·ṡ³, each term at its worst. Valid, not fastest.
     """
@@ -327,7 +339,7 @@ def _bounded(grid: Array, a: Array, b: Array, x_max: Array, law: ActuatorPath, l
     if not valid.any():
         raise LimitsInfeasible("the jerk limit does not allow the path")
     acceleration, jerk = np.where(valid, acceleration, np.nan), np.where(valid, jerk, np.nan)
-    # Rest to rest over a unit of s: cruise, ramp and jerk phases, each bounded below by what short moves need.
+    # Rest to rest over a unit of s: cruise, ramp and jerk phases, or what a short move needs.
     ramp = v / acceleration + acceleration / jerk
     estimate = np.maximum(1 / v, np.sqrt(4 / acceleration)) + ramp
     i, j = np.unravel_index(np.nanargmin(estimate), estimate.shape)
