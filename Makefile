@@ -16,7 +16,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 help:
 	@echo "make demo     plan for three robots in a warehouse; pictures and schedules in out/"
-	@echo "make serve    run the service (WHEELPLAN_HOST, WHEELPLAN_PORT, WHEELPLAN_DATA_DIR)"
+	@echo "make serve    run the service (WHEELPLAN_HOST, WHEELPLAN_PORT; WHEELPLAN_DATA_DIR: out/data)"
 	@echo "make test     run the tests"
 	@echo "make check    formatting, lint, types and the arrows between the packages"
 	@echo "make lock     pin the newest allowed dependencies in requirements*.lock"
@@ -35,6 +35,7 @@ $(STAMP): requirements-dev.lock pyproject.toml
 demo: setup
 	$(BIN)/python examples/demo.py
 
+serve: export WHEELPLAN_DATA_DIR ?= $(CURDIR)/out/data
 serve: setup
 	$(BIN)/wheelplan serve
 

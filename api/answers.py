@@ -164,7 +164,7 @@ class LimitsAnswer(BaseModel):
 
 
 class Problem(BaseModel):
-    """RFC 9457: why a request was refused. More members as the code needs: errors, pose, proof, retry_after, …"""
+    """RFC 9457: why a request was refused. Further members depend on the code: errors, pose, proof …"""
 
     model_config = ConfigDict(extra="allow")
 

@@ -9,14 +9,13 @@ from importlib.metadata import version
 from typing import Any
 
 from fastapi import FastAPI, Request, Response
-from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
 from api import routes_drives, routes_kinematics, routes_maps, routes_operations, routes_plans
 from api.answers import Problem
-from api.errors import FieldErrors, Refusal, problem_response
+from api.errors import Refusal, problem_response
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import Envelope
@@ -58,7 +57,6 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
     for refused in (Refusal, PlanningError):
         app.add_exception_handler(refused, _refused)
     app.add_exception_handler(HTTPException, _http_error)
-    app.add_exception_handler(RequestValidationError, _invalid_parameter)
     app.openapi = lambda: _openapi(app, settings)  # type: ignore[method-assign]
     return app
 
@@ -78,14 +76,6 @@ async def _http_error(request: Request, error: Exception) -> Response:
     return problem_response(Refusal(code, detail), error.headers)
 
 
-async def _invalid_parameter(_: Request, error: Exception) -> Response:
-    assert isinstance(error, RequestValidationError)
-    errors = [
-        {"parameter": str(e["loc"][-1]), "detail": f"{e['loc'][-1]}: {e['msg']}."} for e in error.errors()
-    ]
-    return problem_response(FieldErrors(errors))
-
-
 def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
     """FastAPI's document, with the schemas of the bodies that we read ourselves."""
     if app.openapi_schema is None:
@@ -98,6 +88,9 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
         _, extra = models_json_schema([*bodies, *answers], ref_template=template)  # type: ignore[list-item]
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
         schemas.update(extra["$defs"])
+        for operation in (o for methods in document["paths"].values() for o in methods.values()):
+            if "application/json" in operation["responses"].get("422", {}).get("content", {}):
+                del operation["responses"]["422"]  # FastAPI's own, which cannot happen
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
         schemas["OptionsSchema"]["properties"]["time_budget"]["maximum"] = settings.max_time_budget

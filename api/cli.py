@@ -9,9 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import orjson
-
 from api.settings import Settings
+from api.strict_json import MalformedJson, read_json, write_json
 
 __all__ = ["main"]
 
@@ -59,7 +58,6 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
     from api.maps import MapStore, decode_map
     from api.planning import plan_document
     from api.schemas import PlanRequest
-    from api.strict_json import MalformedJson, read_json
     from api.validation import validated
     from planner.errors import PlanningError
 
@@ -74,7 +72,7 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
                 map_id = maps.add(decoded)[0]["id"]
                 request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
             problem = to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
-            plan = orjson.loads(orjson.dumps(plan_document(problem), option=orjson.OPT_SERIALIZE_NUMPY))
+            plan = read_json(write_json(plan_document(problem)))
         except MalformedJson as error:
             return _refuse(problem_document(Refusal("malformed-json", str(error))))
         except (Refusal, PlanningError) as error:
@@ -98,17 +96,14 @@ def _image_of(map_yaml: Path) -> Path:
 
 
 def _write(document: Any, to: Path | None) -> None:
-    text = orjson.dumps(
-        document, option=orjson.OPT_SERIALIZE_NUMPY | (orjson.OPT_INDENT_2 if to is None else 0)
-    )
     if to is None:
-        sys.stdout.buffer.write(text + b"\n")
+        sys.stdout.buffer.write(write_json(document, indent=True) + b"\n")
     else:
-        to.write_bytes(text + b"\n")
+        to.write_bytes(write_json(document) + b"\n")
 
 
 def _refuse(document: dict[str, Any]) -> int:
-    sys.stderr.buffer.write(orjson.dumps(document, option=orjson.OPT_INDENT_2) + b"\n")
+    sys.stderr.buffer.write(write_json(document, indent=True) + b"\n")
     return 1
 
 

@@ -11,16 +11,31 @@ import numpy as np
 from api.drive_schemas import build_drive
 from api.errors import FieldErrors
 from api.schemas import (
-    CircleFootprint, CircleObstacle, EnvironmentSchema, LimitsSchema, OptionsSchema, PlanRequest, PolygonFootprint,
-    PolygonObstacle, RectangleFootprint,
+    CircleFootprint,
+    CircleObstacle,
+    EnvironmentSchema,
+    LimitsSchema,
+    OptionsSchema,
+    PlanRequest,
+    PolygonFootprint,
+    PolygonObstacle,
+    RectangleFootprint,
 )  # fmt: skip
 from api.validation import pointer
 from drives.drive import Car, Drive, Limits
 from drives.se2 import Array, Pose
-
 from planner.environment import check_simple_polygon
 from planner.problem import (
-    Bounds, Circle, Environment, Footprint, Goal, MapLayer, Options, Polygon, Problem, Robot,
+    Bounds,
+    Circle,
+    Environment,
+    Footprint,
+    Goal,
+    MapLayer,
+    Options,
+    Polygon,
+    Problem,
+    Robot,
 )  # fmt: skip
 
 __all__ = ["by_name", "to_problem"]
@@ -124,19 +139,19 @@ def _limits(limits: LimitsSchema, drive: Drive, errors: Errors) -> Limits:
             return by_name(value, drive.wheel_names, (*at, name), "wheel", errors)
         return np.full(len(drive.wheel_names), np.inf if value is None else value)
 
-    def scalar(name: str) -> float:
-        value = getattr(limits, name)
-        return math.inf if value is None else float(value)
-
     if drive.steered_names and limits.steering_rate is None:
         errors.add((*at, "steering_rate"), "steering_rate is missing: this drive steers.")
-    made = Limits(
-        *(per_wheel(name) for name in ("wheel_speed", "wheel_acceleration", "wheel_jerk")),
-        *(scalar(name) for name in (
+    scalars = {
+        name: float(value)
+        for name in (
             "steering_angle", "steering_rate", "linear_speed", "angular_speed", "linear_acceleration",
             "lateral_acceleration",
-        )),
-    )  # fmt: skip
+        )
+        if (value := getattr(limits, name)) is not None
+    }  # fmt: skip
+    made = Limits(
+        per_wheel("wheel_speed"), per_wheel("wheel_acceleration"), per_wheel("wheel_jerk"), **scalars
+    )
     if isinstance(drive.mobility(made), Car) and limits.steering_angle is None:
         errors.add((*at, "steering_angle"), "steering_angle is missing: this drive is car-like.")
     return made

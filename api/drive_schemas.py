@@ -1,10 +1,13 @@
-"""Schemas of the drives, made from their classes: a drive that joins the registry is in the interface at once."""
+"""Schemas of the drives, made from their classes: a drive in the registry is in the interface at once."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Union, get_args, get_type_hints
+from collections.abc import Mapping
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 from pydantic import BaseModel, Field, create_model
 
@@ -20,14 +23,14 @@ __all__ = ["EXAMPLES", "SCHEMAS", "DriveSchema", "build_drive"]
 class _Parameter(NamedTuple):
     description: str
     unit: str
-    bounds: dict[str, float]
+    bounds: Mapping[str, float]
     example: Any
 
 
 _LENGTH = {"gt": 0, "le": LARGEST_LENGTH}
 _ARM = {"ge": -LARGEST_LENGTH, "le": LARGEST_LENGTH}
 _MANY = {"min_length": 1, "max_length": 32}
-_QUARTER = math.pi / 4
+_45 = math.pi / 4
 
 _PARAMETERS = {
     "wheel_radius": _Parameter("Radius of every wheel (tracked: of the sprocket)", "m", _LENGTH, 0.1),
@@ -39,12 +42,12 @@ _PARAMETERS = {
     "slip_coefficient": _Parameter("Effective track width / track width", "", {"ge": 1, "le": 100}, 1.2),
     "wheel_count": _Parameter("Number of wheels", "", {"ge": 1, "le": 32}, 3),
     "wheel_offset": _Parameter("Angle at which wheel_1 stands, body frame", "rad", {}, 0.0),
-    "body_heading": _Parameter("Heading of the body, which does not turn (default: start's theta)", "rad", {}, 0.0),
+    "body_heading": _Parameter("Heading that the body keeps (default: the start's theta)", "rad", {}, 0.0),
     "name": _Parameter("Name of the wheel", "", {}, "front_left"),
     "x": _Parameter("How far ahead of the body origin it stands", "m", _ARM, 0.3),
     "y": _Parameter("How far left of the body origin it stands", "m", _ARM, 0.2),
     "heading": _Parameter("Rolling direction, body frame", "rad", {}, 0.0),
-    "roller_angle": _Parameter("0: rollers across the wheel (Swedish 90°); ±π/4: Swedish 45°", "rad", {}, _QUARTER),
+    "roller_angle": _Parameter("0: rollers across it (Swedish 90°); ±π/4: Swedish 45°", "rad", {}, _45),
     "modules": _Parameter(
         "The steered wheels, two or more", "", _MANY,
         [{"name": "front", "x": 0.3, "y": 0.1}, {"name": "rear", "x": -0.3, "y": -0.1}],
@@ -52,9 +55,9 @@ _PARAMETERS = {
     "wheels": _Parameter(
         "The wheels, three or more that together reach every twist", "", _MANY,
         [
-            {"name": "nose", "x": 0.3, "y": 0.0, "heading": 2 * _QUARTER, "roller_angle": 0.0, "radius": 0.05},
-            {"name": "left", "x": -0.2, "y": 0.25, "heading": 0.0, "roller_angle": _QUARTER, "radius": 0.06},
-            {"name": "right", "x": -0.2, "y": -0.25, "heading": 0.0, "roller_angle": -_QUARTER, "radius": 0.06},
+            {"name": "nose", "x": 0.3, "y": 0.0, "heading": 2 * _45, "roller_angle": 0.0, "radius": 0.05},
+            {"name": "left", "x": -0.2, "y": 0.25, "heading": 0.0, "roller_angle": _45, "radius": 0.06},
+            {"name": "right", "x": -0.2, "y": -0.25, "heading": 0.0, "roller_angle": -_45, "radius": 0.06},
         ],
     ),
 }  # fmt: skip
@@ -89,9 +92,9 @@ def _model(title: str, cls: type, **fixed: Any) -> type[BaseModel]:
 def _type(name: str, hint: Any) -> Any:
     if name == "name":
         return WheelName
-    parts = get_args(hint) or (hint,)
+    parts: tuple[type, ...] = get_args(hint) or (hint,)
     if dataclasses.is_dataclass(parts[0]):
-        return list[_model(parts[0].__name__, parts[0])]  # type: ignore[misc, arg-type]
+        return list[_model(parts[0].__name__, parts[0])]  # type: ignore[misc]
     kind = Angle if _parameter(name).unit == "rad" else parts[0]
     return kind | None if name == _OWN_HEADING else kind
 
@@ -101,7 +104,7 @@ def _title(kind: str) -> str:
 
 
 SCHEMAS: dict[str, type[BaseModel]] = {
-    kind: _model(_title(kind), cls, type=(Literal[kind], Field(description="Which drive.")))  # type: ignore[valid-type]
+    kind: _model(_title(kind), cls, type=(Literal[kind], Field(description="Which drive.")))
     for kind, cls in DRIVES.items()
 }
 
@@ -118,7 +121,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
 if TYPE_CHECKING:
     DriveSchema = BaseModel
 else:
-    DriveSchema = Annotated[Union[tuple(SCHEMAS.values())], Field(discriminator="type")]
+    DriveSchema = Annotated[reduce(or_, SCHEMAS.values()), Field(discriminator="type")]
 
 
 def build_drive(schema: BaseModel, at: tuple[str, ...], start_heading: float = 0.0) -> Drive:

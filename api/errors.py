@@ -1,13 +1,13 @@
-"""Everything a client can be refused for, as RFC 9457 problem documents. One table: code → status and title."""
+"""Everything a client can be refused for, as problem documents (RFC 9457). One table: code → status."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import orjson
 from starlette.responses import Response
 
+from api.strict_json import write_json
 from planner.errors import PlanningError
 
 __all__ = ["CODES", "PROBLEM_JSON", "FieldErrors", "Refusal", "problem_document", "problem_response"]
@@ -62,7 +62,7 @@ def _rebuild(code: str, detail: str, details: dict[str, Any]) -> Refusal:
 
 
 class FieldErrors(Refusal):
-    """`invalid-request` (or another code) for certain fields: dicts of pointer, detail and perhaps value, bound."""
+    """Fields at fault: dicts of pointer, detail and perhaps value and bound."""
 
     def __init__(self, errors: Sequence[dict[str, Any]], code: str = "invalid-request") -> None:
         more = f" And {len(errors) - 1} more, see errors." if len(errors) > 1 else ""
@@ -85,7 +85,7 @@ def problem_document(error: Refusal | PlanningError) -> dict[str, Any]:
         "detail": detail,
         "code": code,
     }
-    return {**error.details, **head}
+    return {**head, **error.details, **head}
 
 
 def problem_response(error: Refusal | PlanningError, headers: Mapping[str, str] | None = None) -> Response:
@@ -94,5 +94,4 @@ def problem_response(error: Refusal | PlanningError, headers: Mapping[str, str] 
     headers = dict(headers or {})
     if "retry_after" in document:
         headers["Retry-After"] = str(document["retry_after"])
-    body = orjson.dumps(document, option=orjson.OPT_SERIALIZE_NUMPY)
-    return Response(body, document["status"], headers, PROBLEM_JSON)
+    return Response(write_json(document), document["status"], headers, PROBLEM_JSON)

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 __all__ = [
-    "LARGEST_COORDINATE", "LARGEST_LENGTH", "LARGEST_RATE", "Angle", "Coordinate", "Strict", "WheelName", "angle",
-    "coordinate", "extent", "quantity", "rate",
+    "LARGEST_COORDINATE", "LARGEST_LENGTH", "LARGEST_RATE", "Angle", "Coordinate", "Strict", "WheelName",
+    "angle", "coordinate", "extent", "quantity", "rate",
 ]  # fmt: skip
 
 LARGEST_COORDINATE = 1e6
@@ -28,7 +28,7 @@ def quantity(
 ) -> Any:
     """A field that documents itself: description and unit, bounds (gt, ge, lt, le …) and an example."""
     text = f"{description}, {unit}." if unit else f"{description}."
-    extra = {"x-unit": unit} if unit else None
+    extra: Any = {"x-unit": unit} if unit else None
     examples = [example] if example is not None else None
     return Field(default, description=text, examples=examples, json_schema_extra=extra, **bounds)
 
@@ -53,8 +53,9 @@ def angle(description: str, default: Any = ..., *, example: float | None = None)
 
 
 def _reduced(value: float) -> float:
-    # Beyond this a double no longer resolves the small turns that a plan adds to it.
-    return value if abs(value) <= 1e6 else math.remainder(value, 2 * math.pi)
+    # Beyond this a double no longer resolves the small turns that a plan adds to it. Not math.remainder: its
+    # 2π is the nearest double's, and a large angle holds many of them.
+    return value if abs(value) <= 1e6 else math.atan2(math.sin(value), math.cos(value))
 
 
 Angle = Annotated[float, AfterValidator(_reduced)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 import anyio
-import orjson
 from pydantic import BaseModel
 from starlette.requests import Request
 from starlette.responses import Response
@@ -14,7 +13,7 @@ from starlette.types import Message
 from api.errors import CODES, PROBLEM_JSON, Refusal
 from api.negotiation import choose
 from api.settings import Settings
-from api.strict_json import MalformedJson, read_json
+from api.strict_json import MalformedJson, read_json, write_json
 from api.validation import validated
 
 __all__ = ["bounded", "json_only", "json_response", "problems", "read_model", "request_body", "settings_of"]
@@ -29,9 +28,7 @@ def settings_of(request: Request) -> Settings:
 
 
 def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> Response:
-    return Response(
-        orjson.dumps(content, option=orjson.OPT_SERIALIZE_NUMPY), status, headers, "application/json"
-    )
+    return Response(write_json(content), status, headers, "application/json")
 
 
 def json_only(request: Request) -> None:
@@ -63,7 +60,7 @@ async def read_model(request: Request, model: type[Model]) -> Model:
 
 
 def bounded(request: Request, limit: int) -> Request:
-    """The same request, whose body must not exceed `limit` bytes. Raises Refusal, here or while it is read."""
+    """The same request, its body at most `limit` bytes long. Raises Refusal, here or while it is read."""
     too_large = Refusal("payload-too-large", f"The body must not exceed {limit} bytes.", limit=limit)
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise Refusal("unsupported-media-type", "Send the body without a Content-Encoding.")

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-import logging
+import asyncio
 import re
 import time
 import traceback
 import uuid
+from contextlib import suppress
 
-import orjson
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.errors import Refusal, problem_response
+from api.log import log
 from api.metrics import Metrics
 
 __all__ = ["Envelope"]
 
-_log = logging.getLogger("wheelplan")
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _GONE = 499
+_PATIENCE = 5.0
+"""How long the rest of a refused body may take to arrive, s."""
+
+_METHODS = {"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 _PROBES = {"/livez", "/readyz", "/metrics"}
 
 
 class Envelope:
-    """ASGI middleware: X-Request-Id, the request log, the request counter, and internal-error as a problem."""
+    """ASGI middleware: X-Request-Id, the request log and counter, and internal-error as a problem."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self.app = app
@@ -35,29 +39,39 @@ class Envelope:
             await self.app(scope, receive, send)
             return
         began = time.perf_counter()
-        theirs = Headers(scope=scope).get("x-request-id", "")
+        headers = Headers(scope=scope)
+        theirs = headers.get("x-request-id", "")
         request_id = theirs if _ID.fullmatch(theirs) else uuid.uuid4().hex
+        body = _Body(
+            receive, pending=headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
+        )
         status = 0
 
         async def send_with_id(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                MutableHeaders(scope=message)["X-Request-Id"] = request_id
+                more = MutableHeaders(scope=message)
+                more["X-Request-Id"] = request_id
+                if "expect" not in headers:
+                    await body.discard()
+                if body.pending:
+                    more["Connection"] = "close"
             await send(message)
 
         failure = None
         try:
-            await self.app(scope, receive, send_with_id)
+            await self.app(scope, body.receive, send_with_id)
         except Exception as error:
             failure = "".join(traceback.format_exception(error))
             if not status:
                 detail = "Something went wrong here. The log has more under this request's id."
                 problem = problem_response(Refusal("internal-error", detail, request_id=request_id))
-                await problem(scope, receive, send_with_id)
+                await problem(scope, body.receive, send_with_id)
         finally:
             route = getattr(scope.get("route"), "path", "none")
-            self.metrics.requests.labels(scope["method"], route, status or _GONE).inc()
+            method = scope["method"] if scope["method"] in _METHODS else "other"
+            self.metrics.requests.labels(method, route, status or _GONE).inc()
             line = {
                 "method": scope["method"],
                 "path": scope["path"][:200],
@@ -66,4 +80,24 @@ class Envelope:
                 "request_id": request_id,
             }
             if scope["path"] not in _PROBES or status >= 400:
-                _log.info(orjson.dumps(line | ({"failure": failure} if failure else {})).decode())
+                log(**line, **({"failure": failure} if failure else {}))
+
+
+class _Body:
+    """The request's body, which may be refused before it has been read. Then the rest is thrown away first: uvicorn
+    would not serve this connection again, and a client that is still sending might never see the answer."""
+
+    def __init__(self, receive: Receive, pending: bool) -> None:
+        self.pending = pending
+        self._receive = receive
+
+    async def receive(self) -> Message:
+        message = await self._receive()
+        self.pending = message.get("more_body", False)
+        return message
+
+    async def discard(self) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_PATIENCE):
+                while self.pending:
+                    await self.receive()

@@ -9,9 +9,9 @@ from dataclasses import asdict, fields
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import orjson
 
 from api.errors import Refusal
+from api.strict_json import write_json
 from drives.se2 import Array
 from planner.errors import AuditFailed
 from planner.problem import Problem
@@ -33,11 +33,7 @@ def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answ
     began = time.perf_counter()
     document = plan_document(problem)
     seconds = time.perf_counter() - began
-    body = (
-        _csv(document)
-        if media_type == "text/csv"
-        else orjson.dumps(document, option=orjson.OPT_SERIALIZE_NUMPY)
-    )
+    body = _csv(document) if media_type == "text/csv" else write_json(document)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
     return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 

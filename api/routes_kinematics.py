@@ -63,7 +63,7 @@ async def inverse(request: Request) -> Response:
     openapi_extra=request_body(ForwardRequest),
 )
 async def forward(request: Request) -> Response:
-    """The twist that wheel rates make, in the least-squares sense, and how far they are from agreeing on it."""
+    """The least-squares twist of wheel rates, and how far they are from agreeing on it."""
     asked = await read_model(request, ForwardRequest)
     drive = build_drive(asked.drive, ("drive",))
     errors = Errors()

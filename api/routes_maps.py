@@ -79,7 +79,7 @@ async def _parts(request: Request, limit: int) -> list[bytes]:
         form = await bounded(request, limit).form(max_files=2, max_fields=2, max_part_size=limit)
     except HTTPException as error:
         raise FieldErrors([{"pointer": "", "detail": f"The form cannot be read: {error.detail}"}]) from None
-    async with form:
+    try:
         found, errors = [], []
         for name in _PARTS:
             part = form.get(name)
@@ -90,3 +90,5 @@ async def _parts(request: Request, limit: int) -> list[bytes]:
         if errors:
             raise FieldErrors(errors)
         return found
+    finally:
+        await form.close()

@@ -35,10 +35,10 @@ _GONE = 499
     responses={
         200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
         **problems(
-            "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request", "invalid-geometry",
-            "start-in-collision", "goal-in-collision", "start-out-of-bounds", "goal-out-of-bounds", "no-path-exists",
-            "no-path-found", "limits-infeasible", "unknown-map", "deadline-exceeded", "worker-crashed",
-            "audit-failed", "overloaded", "draining",
+            "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request",
+            "invalid-geometry", "start-in-collision", "goal-in-collision", "start-out-of-bounds",
+            "goal-out-of-bounds", "no-path-exists", "no-path-found", "limits-infeasible", "unknown-map",
+            "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
         ),
     },
     openapi_extra=request_body(PlanRequest),

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from api.drive_schemas import EXAMPLES, DriveSchema
 from api.fields import (
-    LARGEST_LENGTH, LARGEST_RATE, Angle, Coordinate, Strict, WheelName, angle, coordinate, extent, quantity, rate,
+    LARGEST_LENGTH,
+    LARGEST_RATE,
+    Angle,
+    Coordinate,
+    Strict,
+    WheelName,
+    angle,
+    coordinate,
+    extent,
+    quantity,
+    rate,
 )  # fmt: skip
 
 __all__ = [
@@ -72,7 +81,7 @@ PerWheel = Annotated[
 
 
 class LimitsSchema(Strict):
-    """What the actuators and the body may do. Per wheel: one number for all, or an object naming every wheel."""
+    """What the actuators and the body may do. Per wheel: one number for all, or an object by wheel."""
 
     wheel_speed: PerWheel = quantity("Largest rate of each wheel", "rad/s", example=15.0)
     wheel_acceleration: PerWheel = quantity("Largest acceleration of each wheel", "rad/s^2", example=20.0)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import socket
-import sys
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
 
 from api.app import create_app
+from api.log import log, log_to_stderr
 from api.settings import Settings
 
 __all__ = ["serve"]
@@ -19,8 +18,7 @@ __all__ = ["serve"]
 
 def serve(settings: Settings) -> int:
     """Runs the HTTP service until a signal ends it."""
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
-    logging.getLogger("wheelplan").setLevel(logging.INFO)
+    log_to_stderr()
     app = create_app(settings)
     config = uvicorn.Config(
         app,
@@ -37,8 +35,8 @@ def serve(settings: Settings) -> int:
 
 
 class _Server(uvicorn.Server):
-    """A first SIGTERM or SIGINT lets the plans in flight finish while probes still get their answers, and the exit
-    status is 0. A second one stops at once."""
+    """A first SIGTERM or SIGINT lets the plans in flight finish while probes still get their answers, and the
+    exit status is 0. A second one stops at once."""
 
     def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
         super().__init__(config)
@@ -49,6 +47,10 @@ class _Server(uvicorn.Server):
         self.loop = asyncio.get_running_loop()
         await super().serve(sockets)
 
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        log(event="listening", url=f"http://{self.config.host}:{self.config.port}")
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         # Not uvicorn's own: it stops listening at once, and in the end raises the signal again.
         if self.draining:
@@ -57,5 +59,6 @@ class _Server(uvicorn.Server):
         asyncio.run_coroutine_threadsafe(self._drain(), self.loop)
 
     async def _drain(self) -> None:
+        log(event="draining")
         await self.app.state.pool.drain(self.app.state.settings.drain_grace)
         self.should_exit = True

@@ -76,4 +76,4 @@ class Settings:
                     given[setting.name] = readers[str(setting.type)](text)
                 except ValueError:
                     raise ValueError(f"{variable} must be a {setting.type}, not {text!r}") from None
-        return cls(**given)  # type: ignore[arg-type]
+        return cls(**given)

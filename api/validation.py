@@ -23,7 +23,8 @@ _BOUNDS = {
 }  # fmt: skip
 
 _WANTED = {
-    "float_type": "a number", "int_type": "an integer", "int_from_float": "an integer", "bool_type": "true or false",
+    "float_type": "a number", "int_type": "an integer", "int_from_float": "an integer",
+    "bool_type": "true or false",
     "string_type": "a string", "list_type": "an array", "dict_type": "an object", "model_type": "an object",
     "model_attributes_type": "an object",
 }  # fmt: skip
@@ -44,7 +45,7 @@ def pointer(*parts: str | int) -> str:
 
 
 def _field_error(error: ErrorDetails, at: tuple[str, ...]) -> dict[str, Any]:
-    parts = (*at, *_without_tags(error["loc"]))
+    parts = _short((*at, *_without_tags(error["loc"])))
     kind, given, limits = error["type"], error["input"], error.get("ctx", {})
     found: dict[str, Any] = {}
     bound = None
@@ -66,7 +67,7 @@ def _field_error(error: ErrorDetails, at: tuple[str, ...]) -> dict[str, Any]:
         detail = f"{name} is not finite; it must be a finite number."
     elif kind in _BOUNDS:
         key, sign = _BOUNDS[kind]
-        bound = f"{sign} {limits[key]}"
+        bound = f"{sign} {limits[key]:.12g}"
         detail = f"{name} is {shown}; it must be {bound}."
     elif kind in ("too_short", "too_long"):
         least = kind == "too_short"
@@ -96,6 +97,14 @@ def _without_tags(loc: tuple[str | int, ...]) -> list[str | int]:
     return kept
 
 
+def _short(parts: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    # A name of a megabyte is not sent back: the pointer ends at the object that holds it.
+    for i, part in enumerate(parts):
+        if isinstance(part, str) and len(part) > 100:
+            return parts[:i]
+    return parts
+
+
 def _name(parts: tuple[str | int, ...]) -> str:
     """The field's name as a sentence says it: "vertices[2][0]"."""
     indices = ""
@@ -112,7 +121,7 @@ def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
-        return f"{value:g}" if isinstance(value, float) else str(value)
+        return f"{value:.12g}"
     if isinstance(value, str):
         return f'"{value[:40]}"' if value.isprintable() else ascii(value[:40])
     return "an array" if isinstance(value, list) else "an object"

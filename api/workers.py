@@ -1,16 +1,16 @@
 """Planning in processes of its own: a solver that hangs or crashes costs one request, never the service.
 
-A pool keeps one asyncio task (a keeper) per worker. The keeper takes the next job from the queue, hands it to its
-worker through a pipe, and waits for the answer, the deadline, or the caller's leaving; in the last two cases, and
-when the worker dies, it starts another. Workers are forked from a fork server that has imported and warmed the
-planner once, so that a replacement is ready in milliseconds. The kernel ends them when the server is gone.
+A pool keeps one asyncio task (a keeper) per worker. The keeper takes the next job from the queue, hands it to
+its worker through a pipe, and waits for the answer, the deadline, or the caller's leaving; in the last two
+cases, and when the worker dies, it starts another. Workers are forked from a fork server that has imported
+and warmed the planner once, so that a replacement is ready in milliseconds. The kernel ends them when the
+server is gone.
 """
 
 from __future__ import annotations
 
 import asyncio
 import fcntl
-import logging
 import os
 import pickle
 import signal
@@ -19,21 +19,22 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 from api.errors import Refusal
+from api.log import log
 
 __all__ = ["Pool"]
 
-_log = logging.getLogger("wheelplan")
 
 _RETRY_AFTER = 1
-"""What a client who is turned away is told to wait, s; and how long we wait before trying to start a worker again."""
+"""What a client who is turned away is told to wait, and what we wait before starting a worker again, s."""
 
-_LONGEST_START = 120.0
+_LONGEST_START = 600.0
 """The first worker waits for the fork server to import and compile everything, s."""
 
 
@@ -61,7 +62,7 @@ class _Worker:
 class Pool:
     """`size` workers, each doing one job at a time, and a queue of `queue_length` jobs in front of them.
 
-    preload: modules that the fork server imports before it forks the first worker.
+    preload: modules that the fork server imports before it forks a worker; a worker is up when it has them.
     """
 
     def __init__(self, size: int, queue_length: int, preload: Sequence[str] = ()) -> None:
@@ -71,7 +72,8 @@ class Pool:
         self.shed = 0
         self.draining = False
         self._context = get_context("forkserver")
-        self._context.set_forkserver_preload(list(preload))
+        self._preload = list(preload)
+        self._context.set_forkserver_preload(self._preload)
         self._threads = ThreadPoolExecutor(size, "worker-pipe")
         self._workers: set[_Worker] = set()
         self._keepers: list[asyncio.Task[None]] = []
@@ -105,8 +107,8 @@ class Pool:
     async def run(self, function: Callable[..., Any], *args: Any, deadline: float) -> Any:
         """What function(*args) returns or raises in a worker. The function is one of a module's.
 
-        deadline s from the moment a worker takes the job. If the caller is cancelled, so is the job. Raises Refusal:
-        draining, overloaded, deadline-exceeded, worker-crashed.
+        deadline s from the moment a worker takes the job. If the caller is cancelled, so is the job. Raises
+        Refusal: draining, overloaded, deadline-exceeded, worker-crashed.
         """
         if not self.ready:
             why = "The service is shutting down." if self.draining else "No worker is up yet."
@@ -157,7 +159,7 @@ class Pool:
                 self._idle -= 1
             if job.answer.done():
                 continue
-            if not worker.process.is_alive():
+            if worker.pipe.poll():  # it never speaks unasked: this is its end
                 worker = await self._replace(worker)
             self._waiting.discard(job)
             if not await self._carry(worker, job):
@@ -168,6 +170,8 @@ class Pool:
         exchange = asyncio.get_running_loop().run_in_executor(
             self._threads, _exchange, worker.pipe, job.payload
         )
+        # At shutdown nobody is left to hear how it ended.
+        exchange.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
         await asyncio.wait({exchange, job.answer}, timeout=job.deadline, return_when=asyncio.FIRST_COMPLETED)
         if not exchange.done():
             worker.process.kill()
@@ -190,6 +194,7 @@ class Pool:
 
     async def _replace(self, worker: _Worker) -> _Worker:
         self.restarts += 1
+        log(event="worker replaced", pid=worker.process.pid)
         self._workers.discard(worker)
         await asyncio.get_running_loop().run_in_executor(self._threads, worker.discard)
         return await self._start_worker()
@@ -199,17 +204,19 @@ class Pool:
             try:
                 worker = await asyncio.get_running_loop().run_in_executor(self._threads, self._fork)
             except (OSError, EOFError) as error:
-                _log.error("a worker did not start: %r", error)
+                log(event="a worker did not start", error=repr(error))
                 self._started = self._started and bool(self._workers)
                 await asyncio.sleep(_RETRY_AFTER)
             else:
+                if not self._started:
+                    log(event="ready")
                 self._started = True
                 return worker
 
     def _fork(self) -> _Worker:
         ours, theirs = self._context.Pipe()
         watched, lifeline = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=_work, args=(theirs, watched), daemon=True)
+        process = self._context.Process(target=_work, args=(theirs, watched, self._preload), daemon=True)
         worker = _Worker(process, ours, lifeline)
         try:
             process.start()
@@ -231,15 +238,17 @@ def _exchange(pipe: Connection, payload: bytes) -> tuple[bool, Any]:
     return done, outcome
 
 
-def _work(pipe: Connection, lifeline: Connection) -> None:
+def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str]) -> None:
     """A worker: does one job after the other until the pipe closes."""
     # Signals to the whole process group are the server's to answer; its plans in flight may finish.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    # The server holds the other end of the lifeline. When it dies the kernel raises SIGIO here, whose default is the
-    # end of the process, even while a solver holds the interpreter's lock.
+    # The server holds the other end of the lifeline. When it dies the kernel raises SIGIO here, whose default
+    # is the end of the process, even while a solver holds the interpreter's lock.
     fcntl.fcntl(lifeline, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+    for module in preload:  # the fork server has them, unless it could not import them
+        import_module(module)
     with suppress(EOFError, OSError):
         pipe.send_bytes(b"up")
         while True:

@@ -1,5 +1,4 @@
-"""What a robot's wheels do: one class a drive, each a Drive, and DRIVES to find them by the contract's
-name."""
+"""What a robot's wheels do: one class a drive, and DRIVES to find each by the contract's name."""
 
 from __future__ import annotations
 

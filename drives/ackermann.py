@@ -1,5 +1,4 @@
-"""Ackermann drive: a car. Both front wheels steer, each by its own angle, about one centre on the rear axle's
-line."""
+"""Ackermann drive: a car, whose front wheels steer about one centre, on the line of the rear axle."""
 
 from __future__ import annotations
 
@@ -13,8 +12,7 @@ __all__ = ["Ackermann"]
 
 @dataclass(frozen=True)
 class Ackermann(CarLike):
-    """tan δ = wheelbase/(R ∓ track_width/2), inner and outer wheel: cot δ_outer - cot δ_inner =
-    track_width/wheelbase."""
+    """tan δ = wheelbase/(R ∓ track_width/2), so that cot δ_outer - cot δ_inner = track_width/wheelbase."""
 
     kind: ClassVar[str] = "ackermann"
 

@@ -1,8 +1,7 @@
 """Motion at a constant twist: a straight line, or a circle about the instantaneous centre of curvature.
 
 It holds for every drive; which twist the wheels' rates make is the drive's own forward(). Sources: locomotion
-lecture, "Differential drive" and "Generalized kinematics equation"; Konstantinov, Chivarov and Shivarov,
-sect. 3.
+lecture, "Differential drive" and "Generalized kinematics equation"; Konstantinov et al., sect. 3.
 """
 
 from __future__ import annotations
@@ -39,6 +38,5 @@ def radius_of_curvature(twist: Twist) -> float:
 
 
 def follow(pose: Pose, twist: Twist, duration: float) -> Pose:
-    """The pose that a body at `pose` reaches by holding `twist` for `duration` (s), exactly; theta is
-    unwrapped."""
+    """The pose that a body at `pose` reaches by holding `twist` for `duration` (s); theta is unwrapped."""
     return compose(pose, exp(Twist(twist.vx * duration, twist.vy * duration, twist.omega * duration)))

@@ -1,7 +1,6 @@
 """Car-like drives: steered wheels in front, all pointing about one centre on the line of the rear axle.
 
-The body origin is the middle of the rear axle. A tricycle and an Ackermann car differ in their front wheels
-alone.
+The body origin is the middle of the rear axle. Drives of this kind differ in their front wheels only.
 """
 
 from __future__ import annotations
@@ -14,7 +13,17 @@ from typing import ClassVar
 import numpy as np
 
 from drives.checks import lengths, refuse_sideways
-from drives.drive import ActuatorPath, BodyPath, Car, Drive, InadmissibleTwist, Limits, Mobility, WheelState
+from drives.drive import (
+    ActuatorPath,
+    BodyPath,
+    Car,
+    Drive,
+    InadmissibleTwist,
+    Limits,
+    Mobility,
+    Rolling,
+    WheelState,
+)
 from drives.se2 import Array, Twist
 from drives.steering import aim, steer
 from drives.wheel import rolling_row, sliding_row, solve_twist, velocity_at
@@ -22,14 +31,13 @@ from drives.wheel import rolling_row, sliding_row, solve_twist, velocity_at
 __all__ = ["CarLike"]
 
 TIGHTEST = 1 / 20
-"""Smallest turning radius, in wheelbases, that mobility() gives where the steering would allow to turn on the
-spot: there δ′ grows without bound, and no time law makes up for it."""
+"""Smallest turning radius, in wheelbases, that mobility() gives. On tighter curves, which steering near π/2
+would allow, the front wheels run more than twenty times as far as the body origin."""
 
 
 @dataclass(frozen=True)
 class CarLike(Drive):
-    """wheel_radius m; wheelbase m, from the rear axle to the front wheels; track_width m, between the rear
-    wheels."""
+    """wheel_radius m; wheelbase m, from rear to front axle; track_width m, between the wheels of an axle."""
 
     steers_at_rest: ClassVar[bool] = True
 
@@ -48,6 +56,13 @@ class CarLike(Drive):
     @property
     def wheel_names(self) -> tuple[str, ...]:
         return (*self.steered_names, "rear_left", "rear_right")
+
+    def rolling_law(self) -> Rolling:
+        x, y = self._points()
+        steered = np.arange(len(x)) < len(self._front)
+        rows = np.stack([np.ones_like(y), np.zeros_like(y), -y], -1) / self.wheel_radius
+        points = np.stack([x, y], -1)
+        return Rolling(rows * ~steered[:, None], steered, points, np.full(len(x), self.wheel_radius))
 
     def mobility(self, limits: Limits) -> Mobility:
         """The radius at the body origin at which the inner front wheel reaches its limit.
@@ -81,11 +96,11 @@ class CarLike(Drive):
     ) -> ActuatorPath:
         refuse_sideways(self.kind, path.tangent)
         v, omega = np.abs(path.tangent[:, 0]), np.abs(path.tangent[:, 2])
-        # Between the front wheels their angles change sides: each may lie within the limit, but no steering
-        # gets there.
+        # Turning about a point between them, the front wheels toe in: each may be within the limit, yet to
+        # get there the inner one would have to pass π/2.
         if steering_limit < np.pi / 2 and (v < (1 - 1e-9) * max(self._front) * omega).any():
             raise InadmissibleTwist(
-                f"it turns about a point between the wheels, where the {self.kind} drive cannot steer to"
+                f"the {self.kind} drive cannot turn about a point between its front wheels"
             )
         x, y = self._points()
         k = len(self._front)

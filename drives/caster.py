@@ -74,8 +74,7 @@ def _cubic(y: Complex, dy: Complex, h: Array) -> Callable[[float], Complex]:
 
 
 def _magnus(t1: Array, t2: Array, q1: Complex, q2: Complex, h: Array) -> tuple[Array, Complex]:
-    """The step (arg α, g) of [i·t q; q̄ -i·t], t and q taken at the two Gauss points of an interval h
-    long."""
+    """The step (arg α, g) over h of [i·t q; q̄ -i·t], given t and q at the interval's two Gauss points."""
     skew = math.sqrt(3) / 12 * h * h
     t = h / 2 * (t1 + t2) - 2 * skew * (q1 * q2.conj()).imag
     q = h / 2 * (q1 + q2) - 2j * skew * (t1 * q2 - t2 * q1)

@@ -1,5 +1,5 @@
-"""What every drive asks of its parameters. Each check raises InvalidDrive naming the parameter, its value and
-the bound."""
+"""Checks that drives share: of parameters, raising InvalidDrive with the name, the value and the bound; of
+motions, raising InadmissibleTwist."""
 
 from __future__ import annotations
 

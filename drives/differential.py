@@ -48,13 +48,11 @@ class Differential(FixedWheels):
         return r * np.array([[c, c], [s, s], [-1 / b, 1 / b]])
 
     def world_inverse(self, theta: float) -> Array:
-        """S⁺ (2, 3): (left rate, right rate) = S⁺·(ẋ, ẏ, θ̇), the pseudo-inverse of S. Chakarov, eq. (10),
-        (15)."""
+        """S⁺ (2, 3): (left rate, right rate) = S⁺·(ẋ, ẏ, θ̇), S's pseudo-inverse. Chakarov, eq. (10), (15)."""
         c, s, b = np.cos(theta), np.sin(theta), self.track_width / 2
         return np.array([[c, s, -b], [c, s, b]]) / self.wheel_radius
 
 
 def no_sideways_motion(theta: float) -> Array:
-    """A (1, 3): every motion has A·(ẋ, ẏ, θ̇) = 0 at heading theta. Chakarov, eq. (11), (16); Szoke et al.,
-    eq. (10)."""
+    """A (1, 3): motions at heading theta have A·(ẋ, ẏ, θ̇) = 0. Chakarov, eq. (16); Szoke et al., eq. (10)."""
     return np.array([[-np.sin(theta), np.cos(theta), 0.0]])

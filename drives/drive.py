@@ -18,12 +18,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drives.se2 import Array, Twist
 
 __all__ = [
     "ActuatorPath", "BodyPath", "Car", "Drive", "Holonomic", "InadmissibleTwist", "InvalidDrive", "Limits",
-    "Mobility", "Unicycle", "WheelState",
+    "Mobility", "Rolling", "Unicycle", "WheelState",
 ]  # fmt: skip
 
 
@@ -51,8 +52,7 @@ class Unicycle:
 
 @dataclass(frozen=True, slots=True)
 class Car:
-    """Drives along its heading on curves no tighter than `min_turning_radius` (m, > 0, at the body
-    origin)."""
+    """Drives along its heading on curves of at least `min_turning_radius` (m, > 0, at the body origin)."""
 
     min_turning_radius: float
 
@@ -115,9 +115,25 @@ class WheelState:
     steering_rates: Array = field(default_factory=lambda: np.zeros(0))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Rolling:
+    """How the wheels of a drive roll, in closed form, for those who optimize over its twists.
+
+    Wheel i turns at rows[i]·ξ rad/s where steered[i] is false, else at ±|velocity of points[i]| /
+    radius[i]. rows (m, 3); steered (m,); points (m, 2) m, body frame; radius (m,) m. heading_steers: the
+    steering rate is the twist's omega (synchro); otherwise steered wheels turn as the direction of their
+    own velocity does.
+    """
+
+    rows: Array
+    steered: NDArray[np.bool_]
+    points: Array
+    radius: Array
+    heading_steers: bool = False
+
+
 class Drive(ABC):
-    """One robot base. Implementations are frozen dataclasses whose fields are the contract's parameters (m,
-    rad).
+    """One robot base: a frozen dataclass whose fields are the contract's parameters (m, rad).
 
     Constructing one with degenerate parameters raises InvalidDrive.
     """
@@ -130,8 +146,7 @@ class Drive(ABC):
 
     @property
     def fixed_body_heading(self) -> float | None:
-        """Heading (rad, world) of the footprint where it does not turn with the pose's theta (synchro), else
-        None."""
+        """World heading (rad) of a footprint that does not turn with the pose (synchro), else None."""
         return None
 
     @property
@@ -146,13 +161,16 @@ class Drive(ABC):
 
     @property
     def settled(self) -> Drive:
-        """The drive that this one rolls like once trailing wheels have swung round: itself where none
-        trail."""
+        """The drive that this one rolls like once trailing wheels have swung round."""
         return self
 
     @abstractmethod
     def mobility(self, limits: Limits) -> Mobility:
         """How the base may move, its steering limited to limits.steering_angle."""
+
+    @abstractmethod
+    def rolling_law(self) -> Rolling:
+        """How the wheels roll, once trailing ones have swung round."""
 
     @abstractmethod
     def inverse(self, twist: Twist, steering: Array | None = None) -> WheelState:

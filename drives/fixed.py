@@ -9,7 +9,17 @@ from typing import ClassVar
 import numpy as np
 
 from drives.checks import refuse_sideways
-from drives.drive import ActuatorPath, BodyPath, Drive, Holonomic, Limits, Mobility, Unicycle, WheelState
+from drives.drive import (
+    ActuatorPath,
+    BodyPath,
+    Drive,
+    Holonomic,
+    Limits,
+    Mobility,
+    Rolling,
+    Unicycle,
+    WheelState,
+)
 from drives.se2 import Array, Twist
 
 __all__ = ["FixedWheels"]
@@ -23,16 +33,21 @@ class FixedWheels(Drive):
 
     @abstractmethod
     def rolling(self) -> tuple[Array, Array]:
-        """Rows (m, 3) and travel (m,) m/rad of the rolling equations rows·ξ = travel·rate, both sides in
-        m/s."""
+        """Rows (m, 3) and travel (m,) m/rad of the rolling equations rows·ξ = travel·rate, in m/s."""
 
     @cached_property
     def _equations(self) -> tuple[Array, Array, Array]:
         """J (m, 3); all equations' rows (e, 3), the sideways one last; their pseudo-inverse (3, e)."""
         rows, travel = self.rolling()
         every = rows if self.sideways else np.vstack([rows, [0.0, 1.0, 0.0]])
-        jacobian = rows / travel[:, None] * (1.0, float(self.sideways), 1.0)
+        jacobian = rows / travel[:, None]
+        jacobian.setflags(write=False)
         return jacobian, every, np.linalg.pinv(every)
+
+    def rolling_law(self) -> Rolling:
+        rows = self._equations[0]
+        m = len(rows)
+        return Rolling(rows, np.zeros(m, dtype=bool), np.zeros((m, 2)), np.ones(m))
 
     def mobility(self, limits: Limits) -> Mobility:
         return Holonomic() if self.sideways else Unicycle()

@@ -21,8 +21,7 @@ __all__ = ["Mecanum"]
 
 @dataclass(frozen=True)
 class Mecanum(FixedWheels):
-    """wheel_radius m; track_width m and wheelbase m between the wheels' middles, the body origin amid
-    them."""
+    """wheel_radius m; track_width m and wheelbase m between the wheels' middles, the origin amid them."""
 
     kind: ClassVar[str] = "mecanum"
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from drives.checks import SHORTEST, count, distinct, lengths, number
-from drives.drive import Drive, Holonomic, InvalidDrive, Limits, Mobility
+from drives.drive import Drive, Holonomic, InvalidDrive, Limits, Mobility, Rolling
 from drives.se2 import Array
 from drives.wheel import Module, rolling_row, sliding_row, solve_twist
 
@@ -44,6 +44,11 @@ class SteeredModules(Drive):
     @property
     def steered_names(self) -> tuple[str, ...]:
         return self.wheel_names
+
+    def rolling_law(self) -> Rolling:
+        m = len(self.modules)
+        steered, points = np.ones(m, dtype=bool), np.stack(self._axes, -1)
+        return Rolling(np.zeros((m, 3)), steered, points, np.full(m, self.wheel_radius))
 
     def mobility(self, limits: Limits) -> Mobility:
         return Holonomic()

@@ -16,8 +16,7 @@ __all__ = ["Polar", "polar", "polar_rates", "rotation", "translation"]
 
 
 class Polar(NamedTuple):
-    """rho m: distance to the goal; alpha rad in (-π, π]: its bearing, seen from the body; beta rad: -theta -
-    alpha."""
+    """rho m: distance to the goal; alpha rad in (-π, π]: its bearing from the body; beta: -theta - alpha."""
 
     rho: float
     alpha: float
@@ -55,8 +54,7 @@ def translation(distance: float, alpha: float, duration: float) -> Twist:
     """The twist that covers `distance` (m) straight to a goal at bearing alpha, 0 or π, in `duration` (s).
 
     Eq. (45), φ̇₁,₂ = -(1/Δt)·Δρ/(r·cos α), where Δρ is the change of rho, -distance: eq. (43) prints it with
-    the sign of the distance, which drives away from the goal. Raises ValueError where the goal is not on the
-    body's x axis.
+    the sign of the distance, which drives away from the goal. Raises ValueError at any other bearing.
     """
     if abs(math.sin(alpha)) > 1e-9:
         raise ValueError(

@@ -27,8 +27,7 @@ __all__ = ["PoweredCaster"]
 
 @dataclass(frozen=True)
 class PoweredCaster(SteeredModules):
-    """wheel_radius m; caster_offset m, by which each contact trails its axis; modules: at least two,
-    apart."""
+    """wheel_radius m; caster_offset m, by which each contact trails its axis; modules: at least two."""
 
     kind: ClassVar[str] = "powered_caster"
 
@@ -66,8 +65,7 @@ class PoweredCaster(SteeredModules):
         return ActuatorPath(along / self.wheel_radius, gained / self.wheel_radius, beta, slope)
 
     def _seen_by_wheels(self, twists: Array, beta: Array) -> tuple[Array, Array]:
-        """The axes' velocities at twists (n, 3), along and to the left of wheels at beta (n, m): each (n,
-        m)."""
+        """Velocities (n, m) of the axes at twists (n, 3), along and to the left of wheels at beta (n, m)."""
         p = velocity_at(*self._axes, twists)
         c, s = np.cos(beta), np.sin(beta)
         return p[..., 0] * c + p[..., 1] * s, p[..., 1] * c - p[..., 0] * s

@@ -24,8 +24,7 @@ AT_REST = 1e-6
 grows with 1/|p|² while the error of taking p′ falls with |p|²."""
 
 NEAR_MISS = 1e-4
-"""Share of the body's speed within which a p that turns by more than 90° between two samples runs through
-zero."""
+"""Share of the body's speed: a p that comes so near to zero between samples is taken to run through it."""
 
 
 def aim(x: Array, y: Array, radius: float, twist: Twist, near: Array | None) -> WheelState:
@@ -52,8 +51,7 @@ def steer(
     """The actuator law of steered wheels at (x, y) (m,) along a path.
 
     near (m,) rad: start on the branch (mod π) nearest to it that keeps |δ| <= limit; None: with w >= 0 and δ
-    in (-π, π], unless the limit asks for another. Raises InadmissibleTwist where no branch keeps to the
-    limit.
+    in (-π, π], unless the limit asks for another. Raises InadmissibleTwist where no branch is within it.
     """
     p, dp = velocity_at(x, y, path.tangent), velocity_at(x, y, path.tangent_derivative)
     size = _size(x, y, path.tangent)

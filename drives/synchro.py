@@ -1,5 +1,4 @@
-"""Synchro drive: all wheels drive and steer as one. theta is the heading of the wheels; the body does not
-turn.
+"""Synchro drive: all wheels drive and steer as one, and the body does not turn: theta is the wheels' heading.
 
 vx = r·rate and omega = steering rate for every wheel (locomotion lecture, "Synchronous drive").
 """
@@ -12,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from drives.checks import count, lengths, number, refuse_beyond, refuse_sideways
-from drives.drive import ActuatorPath, BodyPath, Drive, Limits, Mobility, Unicycle, WheelState
+from drives.drive import ActuatorPath, BodyPath, Drive, Limits, Mobility, Rolling, Unicycle, WheelState
 from drives.se2 import Array, Twist
 
 __all__ = ["Synchro"]
@@ -20,8 +19,7 @@ __all__ = ["Synchro"]
 
 @dataclass(frozen=True)
 class Synchro(Drive):
-    """wheel_radius m; wheel_count; body_heading rad, the world heading that the body and its footprint
-    keep."""
+    """wheel_radius m; wheel_count; body_heading rad, world: what the body and its footprint keep."""
 
     kind: ClassVar[str] = "synchro"
 
@@ -46,12 +44,16 @@ class Synchro(Drive):
     def fixed_body_heading(self) -> float | None:
         return self.body_heading
 
+    def rolling_law(self) -> Rolling:
+        m = self.wheel_count
+        rows = np.tile([1 / self.wheel_radius, 0.0, 0.0], (m, 1))
+        return Rolling(rows, np.zeros(m, dtype=bool), np.zeros((m, 2)), np.ones(m), heading_steers=True)
+
     def mobility(self, limits: Limits) -> Mobility:
         return Unicycle()
 
     def inverse(self, twist: Twist, steering: Array | None = None) -> WheelState:
-        """Rates, steering as given (default zero, as a twist does not say where the wheels point), steering
-        rates."""
+        """Steering is as given, by default zero: a twist does not say where in the body the wheels point."""
         refuse_sideways(self.kind, np.array([twist], dtype=float))
         every = np.ones(self.wheel_count)
         angles = 0 * every if steering is None else np.array(steering, dtype=float)

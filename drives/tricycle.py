@@ -12,8 +12,7 @@ __all__ = ["Tricycle"]
 
 @dataclass(frozen=True)
 class Tricycle(CarLike):
-    """The front wheel stands on the body's x axis: tan δ = wheelbase/R (locomotion lecture, "Ackermann
-    drive")."""
+    """The front wheel stands on the x axis: tan δ = wheelbase/R (locomotion lecture, "Ackermann drive")."""
 
     kind: ClassVar[str] = "tricycle"
 

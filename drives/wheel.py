@@ -70,10 +70,9 @@ def velocity_at(x: Array, y: Array, twists: Array) -> Array:
 
 
 def solve_twist(rows: Array, values: Array) -> tuple[Array, Array]:
-    """Least-squares twists (n, 3) of rows (n, e, 3) · twist = values (n, e), and slip (n,), the largest
-    residual, m/s.
+    """Least-squares twists (n, 3) of rows (n, e, 3) · twist = values (n, e), and slip (n,).
 
-    Where the rows leave a direction of motion open, the twist is the shortest of those that fit.
+    Slip is the largest residual. Where the rows leave a direction of motion open, the twist is the shortest.
     """
     # A length of the robot's own size makes vx, vy and omega comparable, so the normal equations stay well
     # conditioned.

@@ -66,7 +66,8 @@ def service(folder: Path) -> Iterator[str]:
             yield url
         except Failure:
             log.seek(0)
-            sys.stderr.write(log.read().decode(errors="replace"))
+            for line in log.read().decode(errors="replace").splitlines()[-20:]:
+                print(line, file=sys.stderr)
             raise
         finally:
             process.terminate()
@@ -87,7 +88,7 @@ def wait_until_ready(process: subprocess.Popen[bytes], url: str) -> None:
             HTTP.open(f"{url}/readyz", timeout=2).close()
             return
         except OSError:
-            time.sleep(0.1)
+            time.sleep(0.25)
     raise Failure("the service did not become ready")
 
 

@@ -240,15 +240,15 @@ _DIRECT_WAYS = 16
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:
     """The local planner that the robot's mobility asks for."""
     match robot.drive.mobility(robot.limits):
-        case Holonomic():
+        case Holonomic() if options.reverse:
             return LineConnector(robot, world)
         case Car(min_turning_radius):
             return CurveConnector(
                 robot, world, options.reverse, max(options.turning_radius, min_turning_radius)
             )
-        case Unicycle():
-            if options.turning_radius > 0:
-                return CurveConnector(robot, world, options.reverse, options.turning_radius)
+        case Unicycle() if options.turning_radius > 0:
+            return CurveConnector(robot, world, options.reverse, options.turning_radius)
+        case _:
             return PivotConnector(robot, world, options.reverse)
 
 

@@ -1,4 +1,4 @@
-"""What a footprint may hit, built once for many questions: bounds, obstacles and map as one world for the kernels."""
+"""What a footprint may hit, built once for many questions: bounds, obstacles and map as one world."""
 
 from __future__ import annotations
 
@@ -12,28 +12,45 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array, Pose, Twist
 from planner.collision import (
-    Body, Frame, World, clearances, contained, fill_field, pose_clearance, pose_clearance_at_least, pose_free,
-)  # fmt: skip
+    TABLES,
+    World,
+    clearances,
+    contained,
+    fill_field,
+    pose_clearance,
+    pose_clearance_at_least,
+    pose_free,
+)
 from planner.errors import InvalidGeometry
 from planner.polygon import check_simple_polygon, footprint_polygon, inner_disc, outline
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, MapLayer, Polygon
 from planner.separation import Separation, separate
 from planner.sweep import linear_free, polyline_free, twist_free
-from planner.tree import Tree, hilbert, plant
+from planner.tree import plant
 
 __all__ = [
-    "CollisionWorld", "Separation", "World", "check_simple_polygon", "footprint_polygon", "linear_free",
-    "polyline_free", "pose_clearance", "pose_clearance_at_least", "pose_free", "twist_free", "warm_up",
-]  # fmt: skip
+    "CollisionWorld",
+    "Separation",
+    "World",
+    "check_simple_polygon",
+    "footprint_polygon",
+    "linear_free",
+    "polyline_free",
+    "pose_clearance",
+    "pose_clearance_at_least",
+    "pose_free",
+    "twist_free",
+    "warm_up",
+]
 
-_FIELD_CELLS = 2**14
-_MAP_FIELD_CELLS = 2**17
-_FIELD_SIDE = 512
+_FIELD_CELLS = 2**14  # at most about so many over bounds,
+_FIELD_SIDE = 512  # in a row or column of them,
+_MAP_FIELD_CELLS = 2**17  # and over a map
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionWorld:
-    """An environment and the footprint that moves in it. Poses are the body origin's, in the world frame (m, rad).
+    """An environment and the footprint that moves in it. Poses are the body origin's in the world, m and rad.
 
     `kernel` is what the compiled questions (pose_free, linear_free, …) take; the methods ask the same ones.
     Gaps up to 1e-5 m count as contact. Outside the bounds and outside the map everything is closed.
@@ -49,7 +66,7 @@ class CollisionWorld:
         min_clearance: float = 0.0,
         fixed_heading: float | None = None,
     ) -> CollisionWorld:
-        """The world of an environment. With fixed_heading (rad, world frame) the footprint keeps it whatever theta.
+        """The world of an environment. With fixed_heading (rad) the footprint keeps it whatever theta is.
 
         Raises InvalidGeometry for a footprint, obstacle or bounds that are degenerate, ValueError where there
         are neither bounds nor a map, OSError where the map cannot be read.
@@ -58,32 +75,24 @@ class CollisionWorld:
             raise ValueError(f"min_clearance is {min_clearance}, not a finite number >= 0")
         if not 0 <= footprint.radius < math.inf:
             raise InvalidGeometry("the radius is negative or not finite", "/robot/footprint")
-        base = _ground(environment)
-        frame = base.frame
-        heading = math.nan if fixed_heading is None else float(fixed_heading) - frame.yaw
-        trees, walls = [], []
-        segments = [_segments(o, frame, i) for i, o in enumerate(environment.obstacles)]
-        if segments:
-            trees.append(_planted(np.concatenate(segments)))
-        if environment.bounds is not None:
-            sides, inward = _fence(environment.bounds, frame)
-            trees += [plant(side[None]) for side in sides]
-            walls.append(inward)
-        solids = len(trees[0].boxes) if segments else 0
-        world = base._replace(
-            tree=_chained(trees), solids=solids, walls=np.concatenate([base.walls, *walls]),
-            body=_body(footprint, heading), min_clearance=float(min_clearance),
-        )  # fmt: skip
-        if trees:
-            world = world._replace(field=base.field.copy())
-            fill_field(world)
-            world = world._replace(tree=_chained([world.tree, base.tree]))
-        else:
-            world = world._replace(tree=base.tree)
+        ground = _ground(environment)
+        sides = [_sides(obstacle, ground, i) for i, obstacle in enumerate(environment.obstacles)]
+        solids = plant(np.concatenate(sides)) if sides else np.empty(0)
+        fences, walls = _fences(environment.bounds, ground)
+        heading = math.nan if fixed_heading is None else float(fixed_heading) - ground.pose.theta
+        body = _body(footprint, heading, float(min_clearance))
+        world, field = _laid_out(ground, body, walls, solids, fences)
+        if len(solids) + len(fences) > 0:
+            fill_field(world)  # the map's boundaries are in the field already
+            if len(ground.tree) > 0:
+                ground = ground._replace(field=world[field:].reshape(ground.field.shape))
+                world, _ = _laid_out(ground, body, walls, np.concatenate([solids, ground.tree]), fences)
+        elif len(ground.tree) > 0:
+            world, _ = _laid_out(ground, body, walls, ground.tree, fences)
         return cls(world)
 
     def clearance(self, poses: Array) -> Array:
-        """Distances (n,) m from the footprint at poses (n, 3) to the nearest obstacle or boundary, exact at any range.
+        """Distances (n,) m from the footprint at poses (n, 3) to the nearest obstacle or bound, at any range.
 
         Negative where they overlap: how far, at least, the footprint would have to be moved to part them.
         min_clearance is not subtracted.
@@ -95,7 +104,7 @@ class CollisionWorld:
         return bool(pose_free(self.kernel, float(pose[0]), float(pose[1]), float(pose[2])))
 
     def contained(self, pose: Pose) -> bool:
-        """Whether the footprint at a pose lies inside the bounds and the map's outline, whatever stands there."""
+        """Whether the footprint at a pose lies inside the bounds and the map's outline, free or not."""
         return bool(contained(self.kernel, float(pose[0]), float(pose[1]), float(pose[2])))
 
     def linear_free(self, a: Pose, b: Pose) -> bool:
@@ -135,15 +144,18 @@ def warm_up() -> None:
 # ---------------------------------------------------------------- the ground: a map, or empty bounds
 
 
-def _empty() -> Tree:
-    return Tree(np.empty((0, 5)), np.empty((0, 4)), np.empty((0, 3), np.int64))
+class _Ground(NamedTuple):
+    """The world's own frame, given in the client's, and what is known before obstacles: walls (k, 3), the
+    tree of a map's outlines, and the field (rows, columns), cells of side `step`, inf where nothing is."""
+
+    pose: Pose
+    walls: Array
+    tree: Array
+    field: Array
+    step: float
 
 
-_POINT = np.zeros((1, 5))
-
-
-def _ground(environment: Environment) -> World:
-    """The world before its bounds, obstacles and footprint: the map's, or an open field over the bounds."""
+def _ground(environment: Environment) -> _Ground:
     bounds = environment.bounds
     if bounds is not None:
         values = (bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max)
@@ -157,151 +169,136 @@ def _ground(environment: Environment) -> World:
         raise ValueError("an environment needs bounds or a map")
     width, height = bounds.x_max - bounds.x_min, bounds.y_max - bounds.y_min
     step = max(math.sqrt(width / _FIELD_CELLS) * math.sqrt(height), max(width, height) / _FIELD_SIDE)
-    frame = Frame(float(bounds.x_min), float(bounds.y_min), 0.0, 1.0, 0.0)
     field = np.full((math.ceil(height / step), math.ceil(width / step)), np.inf)
-    return _bare(frame, _empty(), np.empty((0, 3)), np.empty((0, 0), np.uint8), 1.0, field, step)
-
-
-def _bare(
-    frame: Frame,
-    tree: Tree,
-    walls: Array,
-    cells: NDArray[np.uint8],
-    resolution: float,
-    field: Array,
-    step: float,
-) -> World:
-    body = Body(plant(_POINT), np.zeros((1, 4)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, math.nan)
-    return World(frame, tree, 0, walls, cells, resolution, field, 0.0, 0.0, float(step), body, 0.0)
+    return _Ground(Pose(bounds.x_min, bounds.y_min, 0.0), np.empty((0, 3)), np.empty(0), field, step)
 
 
 @lru_cache(maxsize=8)
-def _map_ground(layer: MapLayer) -> World:
-    """The world of a map alone, in the map's frame. Not to be written to."""
-    stored = np.load(layer.directory / "cells.npy", mmap_mode="r")
-    cells = np.ascontiguousarray(stored != 0 if layer.unknown == "occupied" else stored == 1).astype(np.uint8)
-    height, width = cells.shape
+def _map_ground(layer: MapLayer) -> _Ground:
+    """A map's, in the map's frame. Not to be written to."""
+    cells = np.load(layer.directory / "cells.npy", mmap_mode="r")
+    closed = np.ascontiguousarray(cells != 0 if layer.unknown == "occupied" else cells == 1)
+    height, width = closed.shape
     resolution = float(layer.resolution)
-    coarse = max(1, math.ceil(math.sqrt(cells.size / _MAP_FIELD_CELLS)))
+    coarse = max(1, math.ceil(math.sqrt(closed.size / _MAP_FIELD_CELLS)))
     field = np.full((-(-height // coarse), -(-width // coarse)), np.inf)
-    x, y, yaw = (float(v) for v in layer.origin)
-    frame = Frame(x, y, yaw, math.cos(yaw), math.sin(yaw))
     right, top = width * resolution, height * resolution
     walls = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, -right], [0.0, 1.0, 0.0], [0.0, -1.0, -top]])
-    tree = _planted(_outlines(cells, resolution))
-    world = _bare(frame, tree, walls, cells, resolution, field, coarse * resolution)
+    ground = _Ground(layer.origin, walls, plant(_outlines(closed, resolution)), field, coarse * resolution)
+    point = _body(Footprint(np.zeros((1, 2)), 1.0), math.nan, 0.0)
+    world, start = _laid_out(ground, point, walls, ground.tree, np.empty(0))
     fill_field(world)
-    return world
+    return ground._replace(field=world[start:].reshape(field.shape).copy())
 
 
-def _outlines(cells: NDArray[np.uint8], resolution: float) -> Array:
-    """The sides (m, 5) between open and closed cells, whole runs of them as one; outside everything is closed."""
-    closed = np.pad(cells, 1, constant_values=1)
+def _outlines(closed: NDArray[np.bool_], resolution: float) -> Array:
+    """The sides (m, 5) between open and closed cells, counter-clockwise round these, whole runs as one.
 
-    def runs(change: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        steps = np.diff(np.pad(change.view(np.int8), ((0, 0), (1, 1))), axis=1)
-        line, begin = np.nonzero(steps == 1)
-        return line, begin, np.nonzero(steps == -1)[1]
+    Outside the grid a ring of cells is closed, so that outlines close; what is beyond it never matters.
+    """
+    grid = np.pad(np.pad(closed, 1, constant_values=True), 1).view(np.int8)
 
-    y, x0, x1 = runs(closed[1:, 1:-1] != closed[:-1, 1:-1])
-    x, y0, y1 = runs(np.ascontiguousarray((closed[1:-1, 1:] != closed[1:-1, :-1]).T))
-    ends = np.concatenate([np.stack([x0, y, x1, y], 1), np.stack([x, y0, x, y1], 1)])
-    return np.column_stack([ends * resolution, np.zeros(len(ends))])
+    def runs(change: NDArray[np.int8]) -> list[tuple[NDArray[np.intp], ...]]:
+        found: list[tuple[NDArray[np.intp], ...]] = []
+        for sign in (1, -1):
+            steps = np.diff(np.pad((change == sign).view(np.int8), ((0, 0), (1, 1))), axis=1)
+            line, begin = np.nonzero(steps == 1)
+            found.append((line, begin, np.nonzero(steps == -1)[1]))
+        return found
+
+    (y, x0, x1), (v, u0, u1) = runs(np.diff(grid, axis=0))  # closed above, then closed below
+    (x, y0, y1), (u, v0, v1) = runs(
+        np.ascontiguousarray(np.diff(grid, axis=1).T)
+    )  # closed on the right, the left
+    ends = [(x0, y + 1, x1, y + 1), (u1, v + 1, u0, v + 1), (x + 1, y1, x + 1, y0), (u + 1, v0, u + 1, v1)]
+    corners = (np.concatenate([np.stack(e, axis=1) for e in ends]) - 2) * resolution
+    return np.column_stack([corners, np.zeros(len(corners))])
 
 
 # ---------------------------------------------------------------- obstacles, bounds and footprint
 
 
-def _local(points: Array, frame: Frame) -> Array:
-    return (points - (frame.x, frame.y)) @ np.array([[frame.cos, -frame.sin], [frame.sin, frame.cos]])
+def _local(points: Array, pose: Pose) -> Array:
+    c, s = math.cos(pose.theta), math.sin(pose.theta)
+    local: Array = (points - (pose.x, pose.y)) @ np.array([[c, -s], [s, c]])
+    return local
 
 
-def _segments(obstacle: Polygon | Circle, frame: Frame, index: int) -> Array:
+def _sides(obstacle: Polygon | Circle, ground: _Ground, index: int) -> Array:
     """An obstacle's boundary (n, 5) in the own frame, counter-clockwise."""
     at = f"/environment/obstacles/{index}"
     if isinstance(obstacle, Polygon):
         wrong = check_simple_polygon(obstacle.vertices)
         if wrong is not None:
             raise InvalidGeometry(wrong, at)
-        return outline(_local(footprint_polygon(obstacle.vertices), frame))
+        return outline(_local(footprint_polygon(obstacle.vertices), ground.pose))
     if not (math.isfinite(obstacle.x + obstacle.y) and 0 < obstacle.radius < math.inf):
         raise InvalidGeometry("the radius is not positive or a number is not finite", at)
-    return outline(_local(np.array([[obstacle.x, obstacle.y]], dtype=np.float64), frame), obstacle.radius)
+    return outline(_local(np.array([[obstacle.x, obstacle.y]]), ground.pose), obstacle.radius)
 
 
-def _fence(bounds: Bounds, frame: Frame) -> tuple[Array, Array]:
-    """The sides (4, 5) of the bounds and their half planes (4, 3) in the own frame."""
-    corners = np.array(
-        [
-            [bounds.x_min, bounds.y_min],
-            [bounds.x_max, bounds.y_min],
-            [bounds.x_max, bounds.y_max],
-            [bounds.x_min, bounds.y_max],
-        ],
-        dtype=np.float64,
-    )
-    sides = outline(_local(corners, frame))
+def _fences(bounds: Bounds | None, ground: _Ground) -> tuple[Array, Array]:
+    """The tree of the bounds' sides, and the walls (k, 3) of bounds and map, in the own frame."""
+    if bounds is None:
+        return np.empty(0), ground.walls
+    x0, y0, x1, y1 = bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max
+    sides = outline(_local(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), ground.pose))
     along = sides[:, 2:4] - sides[:, :2]
     inward = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(along[:, 0], along[:, 1])[:, None]
-    return sides, np.column_stack([inward, (inward * sides[:, :2]).sum(1)])
+    walls = np.column_stack([inward, (inward * sides[:, :2]).sum(axis=1)])
+    # a box each: one box over all four would be the world
+    return np.concatenate([plant(side[None]) for side in sides]), np.concatenate([ground.walls, walls])
 
 
-def _body(footprint: Footprint, heading: float) -> Body:
+class _Body(NamedTuple):
+    numbers: tuple[float, ...]  # planner.collision's from BOX_X to MIN_CLEARANCE
+    sides: Array
+    discs: Array
+
+
+def _body(footprint: Footprint, heading: float, min_clearance: float) -> _Body:
+    vertices = np.array(footprint.vertices, dtype=np.float64).reshape(-1, 2)
     wrong = None
-    vertices = np.ascontiguousarray(footprint.vertices, dtype=np.float64)
-    if len(vertices) != 1:
+    if not 0 <= footprint.radius < math.inf:
+        wrong = "the radius is negative or not finite"
+    elif len(vertices) != 1:
         wrong = check_simple_polygon(vertices)
-        vertices = footprint_polygon(vertices)
     elif not (footprint.radius > 0 and np.isfinite(vertices).all()):
         wrong = "the radius is not positive or a number is not finite"
     if wrong is not None:
         raise InvalidGeometry(wrong, "/robot/footprint")
-    edges = plant(outline(vertices))
+    vertices = footprint_polygon(vertices)
+    sides = plant(outline(vertices), ordered=True)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     (x, y), (half_x, half_y) = (low + high) / 2, (high - low) / 2
-    if len(vertices) == 1:
-        inner = (float(x), float(y), 0.0)
-    else:
-        inner = inner_disc(edges)
-    reach = float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
-    return Body(
-        edges, _cover(x, y, half_x, half_y), float(x), float(y), float(half_x), float(half_y), *inner,
-        reach, float(footprint.radius), heading,
-    )  # fmt: skip
+    inner = (x, y, 0.0) if len(vertices) == 1 else inner_disc(sides)
+    reach = np.hypot(vertices[:, 0], vertices[:, 1]).max()
+    numbers = (x, y, half_x, half_y, *inner, reach, footprint.radius, heading, min_clearance)
+    return _Body(numbers, sides, _cover(x, y, half_x, half_y))
 
 
 def _cover(x: float, y: float, half_x: float, half_y: float) -> Array:
-    """Discs (k, 4): x, y, radius and distance from the origin, that cover a box, in a row along its longer side."""
+    """Discs (k, 4): x, y, radius, distance from the origin, that cover a box, in a row along it."""
     longer, shorter = max(half_x, half_y), min(half_x, half_y)
-    count = min(4, max(1, math.ceil(2 * longer / max(shorter, 1e-9 + longer / 4)))) if longer > 0 else 1
+    count = 4 if longer >= 2 * shorter > 0 else 2 if longer > 1.2 * shorter > 0 else 1
     along = longer * (2 * np.arange(count) + 1 - count) / count
-    centres = np.column_stack([x + along, np.full(count, y)]) if half_x >= half_y else None
-    if centres is None:
-        centres = np.column_stack([np.full(count, x), y + along])
-    radius = math.hypot(longer / count, shorter)
-    return np.column_stack([centres, np.full(count, radius), np.hypot(centres[:, 0], centres[:, 1])])
+    xs, ys = (x + along, y + 0 * along) if half_x >= half_y else (x + 0 * along, y + along)
+    radius = np.full(count, math.hypot(longer / count, shorter))
+    return np.column_stack([xs, ys, radius, np.hypot(xs, ys)])
 
 
-def _planted(segments: Array) -> Tree:
-    segments = np.ascontiguousarray(segments)
-    return plant(segments[np.argsort(hilbert(segments), kind="stable")])
-
-
-class _Offset(NamedTuple):
-    boxes: int
-    segments: int
-
-
-def _chained(trees: list[Tree]) -> Tree:
-    """Trees end to end as one."""
-    links, offset = [], _Offset(0, 0)
-    for tree in trees:
-        links.append(tree.links + np.array([offset.boxes, offset.segments, 0]))
-        offset = _Offset(offset.boxes + len(tree.boxes), offset.segments + len(tree.segments))
-    if not trees:
-        return _empty()
-    return Tree(
-        np.concatenate([t.segments for t in trees]),
-        np.concatenate([t.boxes for t in trees]),
-        np.concatenate(links),
-    )
+def _laid_out(ground: _Ground, body: _Body, walls: Array, solids: Array, fences: Array) -> tuple[World, int]:
+    """A world as planner.collision describes it, and where its field begins."""
+    pose, field = ground.pose, ground.field
+    tables = [body.sides, body.discs.ravel(), walls.ravel(), solids, fences, field.ravel()]
+    places = TABLES + np.cumsum([0, *map(len, tables)])
+    numbers = [
+        *pose,
+        math.cos(pose.theta),
+        math.sin(pose.theta),
+        *body.numbers,
+        ground.step,
+        *field.shape,
+        *places,
+    ]
+    return np.concatenate([np.array(numbers, dtype=np.float64), *tables]), int(places[-2])

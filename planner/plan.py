@@ -1,4 +1,4 @@
-"""plan(problem) → Plan: search, shorten, time, schedule, verify."""
+"""plan(problem) → Plan: search, shorten, time, optimize, schedule, verify."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ from planner.errors import (
     PoseInCollision,
     PoseOutOfBounds,
 )  # fmt: skip
-from planner.path import Path, path_length
+from planner.optimize import Optimizer
+from planner.path import Path
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Problem, Robot
 from planner.schedule import WheelSchedule, schedule, standstill
 from planner.search import Search
 from planner.shorten import shorten
-from planner.time_law import TimedPath, time_path
+from planner.time_law import time_path
+from planner.trajectory import Phases
 from planner.verify import Certificate, verify
 
 __all__ = ["MAX_SAMPLES", "Plan", "plan", "warm_up"]
@@ -40,6 +42,7 @@ MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
 _GOOD_CANDIDATES = 3
+_GOOD_ROUNDS, _BEST_ROUNDS = 2, 6
 _HEADINGS = 16
 _SAME = 1e-9
 
@@ -59,8 +62,8 @@ class Plan:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
     planner: str
-    path: Path
-    timed: TimedPath
+    timed: Phases
+    optimized: bool = False
 
 
 def plan(problem: Problem) -> Plan:
@@ -75,7 +78,9 @@ def plan(problem: Problem) -> Plan:
         return _standing(problem, world, watch)
     local = connector(robot, world, options)
     watch.lap("prepare")
-    candidates = sorted(_candidates(problem, local, goals, watch), key=lambda c: c.timed.duration)
+    candidates = _candidates(problem, local, goals, watch)
+    candidates += _refined(problem, world, candidates, watch)
+    candidates.sort(key=lambda c: c.timed.duration)
     refused: PlanningError | None = None
     for best in candidates:
         made = schedule(best.timed, options.sample_period)
@@ -87,10 +92,11 @@ def plan(problem: Problem) -> Plan:
             continue
         finally:
             watch.lap("verify")
-        about = {"planner": best.planner, "state_space": local.state_space, "stops": len(best.path) - 1}
-        return Plan(
-            best.timed.duration, path_length(best.path), made, certificate, _planning(problem, watch, **about)
-        )
+        about = {
+            "planner": best.planner, "state_space": local.state_space, "optimized": best.optimized, "stops": _stops(made),
+        }  # fmt: skip
+        way = float(np.hypot(*np.diff(made.pose[:, :2], axis=0).T).sum())
+        return Plan(best.timed.duration, way, made, certificate, _planning(problem, watch, **about))
     assert refused is not None
     raise refused
 
@@ -135,7 +141,7 @@ def _same(a: Pose, b: Pose) -> bool:
 def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _Stopwatch) -> list[_Candidate]:
     """Timed ways to the goal: one for effort first, a few for good, as many as time allows for best."""
     options, robot = problem.options, problem.robot
-    search = Search(local, problem.environment.bounds, problem.start, goals, options.seed)
+    search = Search(local, problem.environment, problem.start, goals, options.seed)
     enough = {"first": 1, "good": _GOOD_CANDIDATES, "best": math.inf}[options.effort]
     found: list[_Candidate] = []
     refused: LimitsInfeasible | None = None
@@ -153,7 +159,7 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)
             _refuse_if_endless(timed, options.sample_period)
-            found.append(_Candidate(planner, path, timed))
+            found.append(_Candidate(planner, timed))
         except LimitsInfeasible as error:
             refused = refused or error
         watch.lap("time")
@@ -168,6 +174,32 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
     raise NoPathFound(
         f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried
     )
+
+
+def _refined(
+    problem: Problem, world: CollisionWorld, candidates: list[_Candidate], watch: _Stopwatch
+) -> list[_Candidate]:
+    """Faster motions near the candidates: near the best for effort good, near each for best."""
+    effort = problem.options.effort
+    if effort == "first":
+        return []
+    optimizer = Optimizer(problem, world, watch.is_over)
+    found = []
+    for near in sorted(candidates, key=lambda c: c.timed.duration)[: 1 if effort == "good" else None]:
+        if watch.is_over():
+            break
+        faster = optimizer.faster(near.timed, _GOOD_ROUNDS if effort == "good" else _BEST_ROUNDS)
+        if faster is not None:
+            found.append(_Candidate(near.planner, faster, optimized=True))
+    watch.lap("optimize")
+    return found
+
+
+def _stops(made: WheelSchedule) -> int:
+    """How often the wheels come to rest on the way."""
+    top = np.abs(made.wheel_velocity).max(0) + 1e-300
+    still = (np.abs(made.wheel_velocity) < 1e-2 * top).all(1)
+    return int(np.count_nonzero(np.diff(still.astype(int)) == 1)) - 1
 
 
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> list[Path]:
@@ -193,11 +225,11 @@ def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
     if cut is not None:
         raise NoPathExists(
             f"a disc of radius {cut.radius:.3f} m inside the footprint cannot pass from start to goal",
-            proof={"method": "separation of the largest disc inside the footprint", **asdict(cut)},
+            proof={"method": "separation of the largest disc inside the footprint", **{name: float(value) for name, value in asdict(cut).items()}},
         )
 
 
-def _refuse_if_endless(timed: TimedPath, period: float) -> None:
+def _refuse_if_endless(timed: Phases, period: float) -> None:
     if timed.duration / period > MAX_SAMPLES:
         raise LimitsInfeasible(
             f"the motion would take {timed.duration:.6g} s, more than {MAX_SAMPLES} samples of {period:g} s"
@@ -214,7 +246,7 @@ def _standing(problem: Problem, world: CollisionWorld, watch: _Stopwatch) -> Pla
     certificate = verify(problem, made, world)
     watch.lap("verify")
     return Plan(
-        0.0, 0.0, made, certificate, _planning(problem, watch, planner="none", state_space="SE2", stops=0)
+        0.0, 0.0, made, certificate, _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0)
     )
 
 

@@ -46,7 +46,7 @@ def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
     """The trajectory at 0, period, 2 period, …, duration."""
     duration = trajectory.duration
     steps = int(np.floor(duration / period * (1 + 1e-12)))
-    time: Array = np.arange(steps + 1) * period
+    time = np.arange(steps + 1, dtype=np.float64) * period
     # A last step so short that its differences are rounding is left out.
     if duration - time[-1] > 1e-6 * period or steps == 0:
         time = np.append(time, duration)

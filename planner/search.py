@@ -17,11 +17,10 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from drives.se2 import Pose
+from drives.se2 import Pose, compose
 from planner.connect import Connector
-from planner.environment import World
 from planner.path import Path, merge
-from planner.problem import Bounds
+from planner.problem import Environment
 
 __all__ = ["Search"]
 
@@ -58,10 +57,10 @@ class Search:
     """
 
     def __init__(
-        self, connector: Connector, bounds: Bounds | None, start: Pose, goals: Sequence[Pose], seed: int
+        self, connector: Connector, environment: Environment, start: Pose, goals: Sequence[Pose], seed: int
     ) -> None:
         self.connector, self.start, self.goals, self.seed = connector, start, goals, seed
-        self.area = _area(connector.world.kernel, bounds)
+        self.area = _area(environment)
         self.tried: list[dict[str, Any]] = []
         """What was tried: planner, seed, motions checked and outcome of every turn."""
 
@@ -141,19 +140,21 @@ class Search:
         return merge(pieces)
 
 
-def _area(world: World, bounds: Bounds | None) -> tuple[float, float, float, float]:
+def _area(environment: Environment) -> tuple[float, float, float, float]:
     """x_min, y_min, x_max, y_max (m, world frame) around where poses may be."""
-    if bounds is not None and not world.cells.size:
-        return bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max
-    height, width = world.cells.shape
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) * world.resolution
-    c, s = world.frame.cos, world.frame.sin
-    xy = corners @ np.array([[c, s], [-s, c]]) + [world.frame.x, world.frame.y]
-    (x_min, y_min), (x_max, y_max) = xy.min(0).tolist(), xy.max(0).tolist()
-    if bounds is not None:
-        x_min, y_min = max(x_min, bounds.x_min), max(y_min, bounds.y_min)
-        x_max, y_max = min(x_max, bounds.x_max), min(y_max, bounds.y_max)
-    return x_min, y_min, x_max, y_max
+    layer, bounds = environment.map, environment.bounds
+    box = (-math.inf, -math.inf, math.inf, math.inf)
+    if layer is not None:
+        height, width = np.load(layer.directory / "cells.npy", mmap_mode="r").shape
+        right, top = width * layer.resolution, height * layer.resolution
+        corners = [compose(layer.origin, Pose(x, y, 0.0)) for x in (0.0, right) for y in (0.0, top)]
+        xs, ys = [c.x for c in corners], [c.y for c in corners]
+        box = (min(xs), min(ys), max(xs), max(ys))
+    if bounds is None:
+        return box
+    return (
+        max(box[0], bounds.x_min), max(box[1], bounds.y_min), min(box[2], bounds.x_max), min(box[3], bounds.y_max)
+    )  # fmt: skip
 
 
 def _state(information: Any, pose: Pose) -> Any:

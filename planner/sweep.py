@@ -1,8 +1,8 @@
 """Footprint against world along whole edges, compiled.
 
-Edges are checked by conservative advancement (Mirtich, 1996): two convex pieces that lie d apart along n cannot
-meet before an end point of the moving one has moved d along n. So sliding along a wall, however close, takes
-no more steps than open space does, and nothing is skipped between them.
+Edges are checked by conservative advancement (Mirtich, 1996): two convex pieces that lie d apart along n
+cannot meet before an end point of the moving one has moved d along n. So sliding along a wall, however close,
+takes no more steps than open space does, and nothing is skipped between them.
 
 A valid edge is valid everywhere on it, ends included. An edge not decided in 100,000 steps counts as a hit.
 """
@@ -14,8 +14,28 @@ import math
 import numpy as np
 
 from drives.se2 import Array
-from planner.collision import CONTACT, World, clear, field_bounds, footprint_heading, to_local
-from planner.tree import Tree, closest, kernel
+from planner.collision import (
+    BODY,
+    BOX_X,
+    BOX_Y,
+    CONTACT,
+    DISCS,
+    FIELD,
+    HALF_X,
+    HALF_Y,
+    HEADING,
+    MIN_CLEARANCE,
+    RADIUS,
+    REACH,
+    SOLIDS,
+    WALLS,
+    World,
+    clear,
+    field_bounds,
+    footprint_heading,
+    to_local,
+)
+from planner.tree import HEAD, SIZE, closest, kernel
 
 __all__ = ["linear_free", "polyline_free", "twist_free"]
 
@@ -33,38 +53,41 @@ def _first_contact(gap: float, speed: float, acceleration: float) -> float:
 
 @kernel
 def _advance_segment(
-    edges: Tree, ax: float, ay: float, bx: float, by: float, near: float,
+    world: World, ax: float, ay: float, bx: float, by: float, near: float,
     vx: float, vy: float, turn: float, bend: float, top: float, time: float,
 ) -> float:  # fmt: skip
     """_advance against the one segment ab, in the body frame, for contact at a distance `near`."""
     x_min, x_max, y_min, y_max = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
-    i = 0
-    while i < len(edges.boxes):
+    i, stop = int(world[BODY]), int(world[DISCS])
+    while i < stop:
         far = near + max(top * time, CONTACT)
-        dx = max(edges.boxes[i, 0] - x_max, 0.0, x_min - edges.boxes[i, 2])
-        dy = max(edges.boxes[i, 1] - y_max, 0.0, y_min - edges.boxes[i, 3])
+        dx = max(world[i] - x_max, 0.0, x_min - world[i + 2])
+        dy = max(world[i + 1] - y_max, 0.0, y_min - world[i + 3])
         if dx * dx + dy * dy > far * far:
-            i = edges.links[i, 0]
+            i += int(world[i + 4])
             continue
-        first = edges.links[i, 1]
-        for k in range(first, first + edges.links[i, 2]):
-            e = edges.segments[k]
-            square, px, py, qx, qy = closest(e[0], e[1], e[2], e[3], ax, ay, bx, by)
+        count = int(world[i + 5])
+        i += HEAD
+        for _ in range(count):
+            square, px, py, qx, qy = closest(
+                world[i], world[i + 1], world[i + 2], world[i + 3], ax, ay, bx, by
+            )
+            i += SIZE
             d = math.sqrt(square)
             if not d - near > CONTACT:
                 return 0.0
             if d - near >= top * time:
                 continue
             nx, ny = (qx - px) / d, (qy - py) / d
-            for v in range(0, 4, 2):
-                ux, uy = vx - turn * e[v + 1], vy + turn * e[v]
-                # Along the edge, displacement is affine in the point: its two ends bound all of it.
-                gap = d - near + max(0.0, nx * (px - e[v]) + ny * (py - e[v + 1]))
-                pull = turn * turn * math.sqrt(e[v] ** 2 + e[v + 1] ** 2)
+            for k in (i - SIZE, i - SIZE + 2):
+                ex, ey = world[k], world[k + 1]
+                ux, uy = vx - turn * ey, vy + turn * ex
+                # Along a side, displacement is affine in the point: its two ends bound all of it.
+                gap = d - near + max(0.0, nx * (px - ex) + ny * (py - ey))
+                pull = turn * turn * math.sqrt(ex * ex + ey * ey)
                 if bend != 0.0:
                     pull = abs(bend) * math.sqrt(ux * ux + uy * uy)
                 time = min(time, _first_contact(gap, nx * ux + ny * uy, pull))
-        i += 1
     return time
 
 
@@ -84,58 +107,51 @@ def _advance(
     """How long, up to `time`, the footprint surely moves without contact; 0 when it is in contact.
 
     (vx, vy, turn): its twist now, in its own frame; bend: the rate at which the origin's velocity turns."""
-    body, tree = world.body, world.tree
-    margin = body.radius + world.min_clearance
+    margin = world[RADIUS] + world[MIN_CLEARANCE]
+    box_x, box_y, half_x, half_y = world[BOX_X], world[BOX_Y], world[HALF_X], world[HALF_Y]
     speed = math.sqrt(vx * vx + vy * vy)
-    top = speed + abs(turn) * body.reach
-    loose = margin + CONTACT + abs(turn) * body.reach * time + 0.5 * abs(bend) * speed * time * time
-    mx, my = x + c * body.x - s * body.y, y + s * body.x + c * body.y
-    ex = abs(c) * body.half_x + abs(s) * body.half_y + loose
-    ey = abs(s) * body.half_x + abs(c) * body.half_y + loose
+    spin = abs(turn) * world[REACH]
+    loose = margin + CONTACT + spin * time + 0.5 * abs(bend) * speed * time * time
+    mx, my = x + c * box_x - s * box_y, y + s * box_x + c * box_y
+    ex, ey = abs(c) * half_x + abs(s) * half_y + loose, abs(s) * half_x + abs(c) * half_y + loose
     wx, wy = (c * vx - s * vy) * time, (s * vx + c * vy) * time
     x_min, x_max = mx - ex + min(wx, 0.0), mx + ex + max(wx, 0.0)
     y_min, y_max = my - ey + min(wy, 0.0), my + ey + max(wy, 0.0)
-    i = 0
-    while i < len(tree.boxes):
-        if (
-            tree.boxes[i, 0] > x_max
-            or tree.boxes[i, 2] < x_min
-            or tree.boxes[i, 1] > y_max
-            or tree.boxes[i, 3] < y_min
-        ):
-            i = tree.links[i, 0]
+    i, stop = int(world[SOLIDS]), int(world[FIELD])
+    while i < stop:
+        if world[i] > x_max or world[i + 2] < x_min or world[i + 1] > y_max or world[i + 3] < y_min:
+            i += int(world[i + 4])
             continue
-        first = tree.links[i, 1]
-        for k in range(first, first + tree.links[i, 2]):
-            dx, dy = tree.segments[k, 0] - x, tree.segments[k, 1] - y
+        count = int(world[i + 5])
+        i += HEAD
+        for _ in range(count):
+            dx, dy = world[i] - x, world[i + 1] - y
             ax, ay = c * dx + s * dy, c * dy - s * dx
-            dx, dy = tree.segments[k, 2] - x, tree.segments[k, 3] - y
+            dx, dy = world[i + 2] - x, world[i + 3] - y
             bx, by = c * dx + s * dy, c * dy - s * dx
-            near = margin + tree.segments[k, 4]
-            time = _advance_segment(body.edges, ax, ay, bx, by, near, vx, vy, turn, bend, top, time)
+            near = margin + world[i + 4]
+            i += SIZE
+            time = _advance_segment(world, ax, ay, bx, by, near, vx, vy, turn, bend, speed + spin, time)
             if time <= 0.0:
                 return 0.0
-        i += 1
     return time
 
 
 @kernel
 def _sweep(world: World, x: float, y: float, theta: float, p: float, q: float, w: float, arc: bool) -> bool:
-    """Whether the motion over unit time from a pose keeps clear, where both its ends are known to. Its velocity
-    is (p, q) in the own frame and theta gains w, or else, when arc, (p, q, w) is a twist of the body."""
-    body = world.body
-    turn = w if math.isnan(body.heading) else 0.0
+    """Whether the motion over unit time from a pose keeps clear, given that both its ends do. Its velocity is
+    (p, q) in the own frame and theta gains w, or else, when arc, (p, q, w) is a twist of the body."""
+    turn = w if math.isnan(world[HEADING]) else 0.0
     bend = w if arc else 0.0
     speed = math.sqrt(p * p + q * q)
-    top = speed + abs(turn) * body.reach
-    size = math.sqrt(body.half_x**2 + body.half_y**2) + body.radius + world.min_clearance
-    margin = body.radius + world.min_clearance + CONTACT
-    u, px, py = 0.0, x, y
+    top = speed + abs(turn) * world[REACH]
+    margin = world[RADIUS] + world[MIN_CLEARANCE]
+    size = math.sqrt(world[HALF_X] ** 2 + world[HALF_Y] ** 2) + margin
+    u, span = 0.0, size
     for _ in range(_MAX_STEPS):
         heading = theta + w * u
         phi = footprint_heading(world, heading)
         c, s = math.cos(phi), math.sin(phi)
-        vx, vy = p, q
         if arc:
             half = 0.5 * w * u
             sinc = math.sin(half) / half if abs(half) > 1e-9 else 1.0
@@ -144,22 +160,24 @@ def _sweep(world: World, x: float, y: float, theta: float, p: float, q: float, w
             ch, sh = math.cos(heading), math.sin(heading)
             vx, vy = ch * p - sh * q, sh * p + ch * q
         else:
-            px, py = x + p * u, y + q * u
+            px, py, vx, vy = x + p * u, y + q * u, p, q
         time = 1.0 - u
-        for k in range(len(body.discs)):
-            dx, dy = body.discs[k, 0], body.discs[k, 1]
-            room = (
-                field_bounds(world, px + c * dx - s * dy, py + s * dx + c * dy)[0] - body.discs[k, 2] - margin
-            )
-            pace = speed + abs(turn) * body.discs[k, 3]
-            time = min(time, room / pace) if pace > 0.0 else time
+        for k in range(int(world[DISCS]), int(world[WALLS]), 4):
+            dx, dy = world[k], world[k + 1]
+            room = field_bounds(world, px + c * dx - s * dy, py + s * dx + c * dy)[0]
+            room -= world[k + 2] + margin + CONTACT
+            pace = speed + abs(turn) * world[k + 3]
+            if not room > 0.0:
+                time = 0.0
+            elif pace > 0.0:
+                time = min(time, room / pace)
         if not time >= min(1.0 - u, 0.25 * size / top):
-            time = max(time, 0.0)
-            ahead = min(1.0 - u, max(size, world.step) / top)
+            ahead = min(1.0 - u, span / top)
             fine = _advance(world, px, py, c, s, c * vx + s * vy, c * vy - s * vx, turn, bend, ahead)
             if fine <= 0.0:
                 return False
             time = max(time, fine)
+            span = 2.0 * span if fine >= ahead else size
         if not u + time > u:
             return u >= 1.0
         u += time
@@ -173,7 +191,7 @@ def linear_free(world: World, ax: float, ay: float, ath: float, bx: float, by: f
     """Whether every pose from a to b, interpolated in x, y and theta as given (not wrapped), is free."""
     x, y, theta = to_local(world, ax, ay, ath)
     ex, ey, end = to_local(world, bx, by, bth)
-    distance = world.body.radius + world.min_clearance + CONTACT
+    distance = world[RADIUS] + world[MIN_CLEARANCE] + CONTACT
     if not clear(world, ex, ey, footprint_heading(world, end), distance):
         return False
     if not clear(world, x, y, footprint_heading(world, theta), distance):
@@ -188,10 +206,9 @@ def twist_free(world: World, x: float, y: float, theta: float, vx: float, vy: fl
     half = 0.5 * omega
     sinc = math.sin(half) / half if abs(half) > 1e-9 else 1.0
     c, s = math.cos(heading + half) * sinc, math.sin(heading + half) * sinc
-    distance = world.body.radius + world.min_clearance + CONTACT
-    if not clear(
-        world, px + c * vx - s * vy, py + s * vx + c * vy, footprint_heading(world, heading + omega), distance
-    ):
+    ex, ey, end = px + c * vx - s * vy, py + s * vx + c * vy, heading + omega
+    distance = world[RADIUS] + world[MIN_CLEARANCE] + CONTACT
+    if not clear(world, ex, ey, footprint_heading(world, end), distance):
         return False
     if not clear(world, px, py, footprint_heading(world, heading), distance):
         return False

@@ -11,7 +11,6 @@ are turned to where the next piece needs them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import ruckig
@@ -24,9 +23,9 @@ from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limit
 from drives.se2 import Array, Pose
 from planner.errors import LimitsInfeasible
 from planner.path import Path, Piece
-from planner.schedule import WheelSchedule
+from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 
-__all__ = ["TimedPath", "duration_estimate", "time_path"]
+__all__ = ["duration_estimate", "time_path"]
 
 _GRID_START, _GRID_MAX = 96, 3000
 _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
@@ -34,134 +33,21 @@ _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
 interval."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Profile:
-    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i],
-    jerk[i]. time has one entry more than the others, its last is the duration."""
-
-    time: Array
-    position: Array
-    velocity: Array
-    acceleration: Array
-    jerk: Array
-
-    @property
-    def duration(self) -> float:
-        return float(self.time[-1])
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """s in [0, 1], ṡ and s̈ at times t (n,)."""
-        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.position) - 1)
-        u = t - self.time[i]
-        p, v, a, j = self.position[i], self.velocity[i], self.acceleration[i], self.jerk[i]
-        s = p + u * (v + u * (a / 2 + u * j / 6))
-        return np.clip(s, 0.0, 1.0), v + u * (a + u * j / 2), a + u * j
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Motion:
-    """One piece, driven by a profile. steering (k,): where the wheels stand as it begins."""
-
-    piece: Piece
-    profile: Profile
-    grid: Array
-    steering: Array
-
-    @property
-    def duration(self) -> float:
-        return self.profile.duration
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Steer:
-    """The body at rest while steered wheels turn, each at a constant rate."""
-
-    pose: Pose
-    before: Array
-    after: Array
-    duration: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TimedPath:
-    """A Trajectory: pieces driven one after the other, at rest between them, steering where it must."""
-
-    drive: Drive
-    phases: tuple[_Motion | _Steer, ...]
-
-    @property
-    def duration(self) -> float:
-        return math.fsum(phase.duration for phase in self.phases)
-
-    def sample(self, time: Array) -> WheelSchedule:
-        """The motion at times (n,), which must increase from 0 to the duration."""
-        n, m, k = len(time), len(self.drive.wheel_names), len(self.drive.steered_names)
-        out = WheelSchedule(
-            time, *(np.zeros((n, m)) for _ in range(3)), *(np.zeros((n, k)) for _ in range(2)),
-            *(np.zeros((n, 3)) for _ in range(2)),
-        )  # fmt: skip
-        begin, angle = 0.0, np.zeros(m)
-        for phase in self.phases:
-            last = phase is self.phases[-1]
-            lo = int(np.searchsorted(time, begin, side="left"))
-            hi = n if last else int(np.searchsorted(time, begin + phase.duration, side="left"))
-            rows, local = slice(lo, hi), np.clip(time[lo:hi] - begin, 0.0, phase.duration)
-            if isinstance(phase, _Steer):
-                rate = (phase.after - phase.before) / phase.duration
-                out.wheel_angle[rows] = angle
-                out.steering_angle[rows] = phase.before + np.multiply.outer(local, rate)
-                out.steering_rate[rows] = rate
-                out.pose[rows] = phase.pose
-            else:
-                angle = _drive_piece(self.drive, phase, local, out, rows, angle)
-            begin += phase.duration
-        # A plan begins and ends at rest, and a steering rate may jump there: report the side that is rest.
-        for i in (0, -1):
-            out.steering_rate[i] = out.wheel_velocity[i] = out.twist[i] = 0.0
-        return out
-
-
-def _drive_piece(
-    drive: Drive, motion: _Motion, local: Array, out: WheelSchedule, rows: slice, angle: Array
-) -> Array:
-    """Fill the rows of one piece; the wheel angles (m,) at its end."""
-    s, rate, acceleration = motion.profile.at(local)
-    fine, place = np.unique(np.concatenate([motion.grid, s]), return_inverse=True)
-    path = motion.piece.body_path(fine)
-    law = drive.actuators(path, motion.steering)
-    h = np.diff(fine)[:, None]
-    w, dw = law.wheel, law.wheel_derivative
-    # Euler–Maclaurin: the trapezoid rule and its end correction, fourth order in h.
-    gained = h / 2 * (w[:-1] + w[1:]) + h**2 / 12 * (dw[:-1] - dw[1:])
-    turned = angle + np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
-    here = place[len(motion.grid) :]
-    v, a = rate[:, None], acceleration[:, None]
-    out.wheel_angle[rows] = turned[here]
-    out.wheel_velocity[rows] = w[here] * v
-    out.wheel_acceleration[rows] = w[here] * a + dw[here] * v**2
-    out.steering_angle[rows] = law.steering[here]
-    out.steering_rate[rows] = law.steering_derivative[here] * v
-    out.pose[rows] = motion.piece.poses(s)
-    out.twist[rows] = path.tangent[here] * v
-    end: Array = turned[-1]
-    return end
-
-
-def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None = None) -> TimedPath:
+def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None = None) -> Phases:
     """The fastest motion along a path that stops between its pieces.
 
     steering (k,) rad: where the steered wheels stand at the start; None: as the first motion needs.
     Raises LimitsInfeasible.
     """
-    phases: list[_Motion | _Steer] = []
+    phases: list[Phase] = []
     for piece in path:
         grid, law = _grid(piece, drive, limits, steering)
         needed = law.steering[0]
         if steering is not None and drive.steers_at_rest:
             _steer(phases, piece.start, steering, needed, limits)
-        phases.append(_Motion(piece, _profile(grid, piece.body_path(grid), law, limits), grid, needed))
+        phases.append(Driven(piece, _profile(grid, piece.body_path(grid), law, limits), grid, needed))
         steering = law.steering[-1]
-    return TimedPath(drive, tuple(phases))
+    return Phases(drive, tuple(phases))
 
 
 def duration_estimate(drive: Drive, limits: Limits, tangents: Array) -> Array:
@@ -181,10 +67,10 @@ def duration_estimate(drive: Drive, limits: Limits, tangents: Array) -> Array:
     return estimate
 
 
-def _steer(phases: list[_Motion | _Steer], pose: Pose, before: Array, after: Array, limits: Limits) -> None:
+def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits: Limits) -> None:
     change = float(np.max(np.abs(after - before), initial=0.0))
     if change > 1e-12:
-        phases.append(_Steer(pose, before, after, change / limits.steering_rate))
+        phases.append(Steer(pose, before, after, change / limits.steering_rate))
 
 
 def _grid(piece: Piece, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:

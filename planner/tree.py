@@ -1,14 +1,19 @@
 """Segments in a bounding box tree: building it, and measuring points and segments against it. Compiled.
 
-A segment may have a radius, so that a circle is a segment of no length. Boxes stand in depth-first order with
-the place to go on at when one is missed, so a walk needs no stack, and two trees put end to end are a tree.
+A segment is x0, y0, x1, y1, radius (m): a circle is a segment of no length. A tree is one flat array of
+records in depth-first order, so that a walk needs no stack, trees put end to end are a tree, and a tree can
+lie inside a larger array, from `start` to `stop`. A record holds
+
+    x_min, y_min, x_max, y_max     the box of all that follows up to the jump, radii included
+    jump                           how far on to go when the box is missed
+    count                          the segments that follow, five numbers each; 0 where records follow
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import njit
@@ -16,7 +21,24 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 
-__all__ = ["Tree", "closest", "edge_distance", "foot", "hilbert", "kernel", "nearest", "plant", "winding"]
+__all__ = [
+    "HEAD",
+    "SIZE",
+    "closest",
+    "edge_distance",
+    "foot",
+    "kernel",
+    "nearest",
+    "places",
+    "plant",
+    "winding",
+]
+
+HEAD = 6
+"""Numbers in a record, its segments left out."""
+
+SIZE = 5
+"""Numbers in a segment."""
 
 _LEAF = 4
 
@@ -24,88 +46,83 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def kernel(function: _F) -> _F:
-    """Compile on first use and keep the machine code beside the source."""
+    """Compile on first use and keep the machine code beside the source.
+
+    The kept code is renewed when its own file changes, not when a file does whose kernels it calls: while
+    working on kernels, remove `__pycache__/*.nb[ic]`.
+    """
     return cast(_F, njit(cache=True, error_model="numpy")(function))
 
 
-class Tree(NamedTuple):
-    """Segments and the boxes over them, in depth-first order, so that two trees put end to end are a tree.
-
-    segments (m, 5): x0, y0, x1, y1, radius, m. boxes (n, 4): x_min, y_min, x_max, y_max, radius included.
-    links (n, 3): the next box when this one is missed, the first segment, the number of segments (0: inner).
-    """
-
-    segments: Array
-    boxes: Array
-    links: NDArray[np.int64]
+def plant(segments: Array, ordered: bool = False) -> Array:
+    """The tree over segments (m, 5), in their order where `ordered`, for neighbours that stand together."""
+    segments = np.ascontiguousarray(segments, dtype=np.float64)
+    if not ordered and len(segments) > _LEAF:
+        segments = segments[np.argsort(_hilbert(segments), kind="stable")]
+    return _plant(segments)
 
 
 @kernel
-def plant(segments: Array) -> Tree:
-    """The tree over segments (m, 5) in the order given, which should keep neighbours together."""
+def _plant(segments: Array) -> Array:
     m = len(segments)
-    low = np.empty(2 * m + 1, np.int64)
-    high = np.empty(2 * m + 1, np.int64)
+    low, high = np.empty(2 * m + 1, np.int64), np.empty(2 * m + 1, np.int64)
+    place = np.empty(2 * m + 1, np.int64)
     stack = np.empty((128, 2), np.int64)
-    n, top = 0, 0
+    n, top, size = 0, 0, 0
     if m > 0:
         stack[0, 0], stack[0, 1], top = 0, m, 1
     while top > 0:
         top -= 1
         a, b = stack[top, 0], stack[top, 1]
-        low[n], high[n] = a, b
+        low[n], high[n], place[n] = a, b, size
         n += 1
+        size += HEAD
         if b - a > _LEAF:
             middle = (a + b) // 2
             stack[top, 0], stack[top, 1] = middle, b
             stack[top + 1, 0], stack[top + 1, 1] = a, middle
             top += 2
-    boxes = np.empty((n, 4))
-    links = np.empty((n, 3), np.int64)
-    for i in range(n - 1, -1, -1):
-        a, b = low[i], high[i]
-        if b - a <= _LEAF:
-            box = (np.inf, np.inf, -np.inf, -np.inf)
-            for k in range(a, b):
-                x0, y0, x1, y1, r = segments[k]
-                box = (
-                    min(box[0], x0 - r, x1 - r),
-                    min(box[1], y0 - r, y1 - r),
-                    max(box[2], x0 + r, x1 + r),
-                    max(box[3], y0 + r, y1 + r),
-                )
-            boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = box
-            links[i, 0], links[i, 1], links[i, 2] = i + 1, a, b - a
         else:
-            left = i + 1
-            right = links[left, 0]
-            boxes[i, :2] = np.minimum(boxes[left, :2], boxes[right, :2])
-            boxes[i, 2:] = np.maximum(boxes[left, 2:], boxes[right, 2:])
-            links[i, 0], links[i, 1], links[i, 2] = links[right, 0], a, 0
-    return Tree(segments, boxes, links)
+            size += SIZE * (b - a)
+    tree = np.empty(size)
+    for r in range(n - 1, -1, -1):
+        i = place[r]
+        tree[i], tree[i + 1], tree[i + 2], tree[i + 3] = np.inf, np.inf, -np.inf, -np.inf
+        if high[r] - low[r] > _LEAF:
+            left = i + HEAD
+            right = left + int(tree[left + 4])
+            for k in range(2):
+                tree[i + k] = min(tree[left + k], tree[right + k])
+                tree[i + 2 + k] = max(tree[left + 2 + k], tree[right + 2 + k])
+            tree[i + 4], tree[i + 5] = right - i + tree[right + 4], 0.0
+            continue
+        j = i + HEAD
+        for s in range(low[r], high[r]):
+            radius = segments[s, 4]
+            for k in range(SIZE):
+                tree[j + k] = segments[s, k]
+            for k in range(2):
+                tree[i + k] = min(tree[i + k], tree[j + k] - radius, tree[j + k + 2] - radius)
+                tree[i + 2 + k] = max(tree[i + 2 + k], tree[j + k] + radius, tree[j + k + 2] + radius)
+            j += SIZE
+        tree[i + 4], tree[i + 5] = j - i, high[r] - low[r]
+    return tree
 
 
 @kernel
-def hilbert(segments: Array) -> NDArray[np.int64]:
+def _hilbert(segments: Array) -> NDArray[np.int64]:
     """Places (m,) of the segments' middles along a Hilbert curve of 2^16 × 2^16 cells over all of them."""
     keys = np.empty(len(segments), np.int64)
     x_min = y_min = np.inf
-    size = 0.0
+    x_max = y_max = -np.inf
     for k in range(len(segments)):
-        x_min = min(x_min, segments[k, 0], segments[k, 2])
-        y_min = min(y_min, segments[k, 1], segments[k, 3])
-    for k in range(len(segments)):
-        size = max(
-            size,
-            segments[k, 0] - x_min,
-            segments[k, 2] - x_min,
-            segments[k, 1] - y_min,
-            segments[k, 3] - y_min,
-        )
+        x, y = segments[k, 0] + segments[k, 2], segments[k, 1] + segments[k, 3]
+        x_min, x_max, y_min, y_max = min(x_min, x), max(x_max, x), min(y_min, y), max(y_max, y)
+    size = max(x_max - x_min, y_max - y_min)
     scale = 65535.0 / size if size > 0 else 0.0
     for k in range(len(segments)):
-        x = int(((segments[k, 0] + segments[k, 2]) / 2 - x_min) * scale)
-        y = int(((segments[k, 1] + segments[k, 3]) / 2 - y_min) * scale)
+        x = int((segments[k, 0] + segments[k, 2] - x_min) * scale)
+        y = int((segments[k, 1] + segments[k, 3] - y_min) * scale)
         key, side = 0, 32768
         while side > 0:
             right, upper = int((x & side) > 0), int((y & side) > 0)
@@ -117,6 +134,21 @@ def hilbert(segments: Array) -> NDArray[np.int64]:
             side //= 2
         keys[k] = key
     return keys
+
+
+@kernel
+def places(tree: Array) -> NDArray[np.int64]:
+    """Where each segment (m,) of a tree begins."""
+    found = np.empty(len(tree) // SIZE, np.int64)
+    n, i = 0, 0
+    while i < len(tree):
+        count = int(tree[i + 5])
+        i += HEAD
+        for _ in range(count):
+            found[n] = i
+            n += 1
+            i += SIZE
+    return found[:n].copy()
 
 
 @kernel
@@ -167,65 +199,69 @@ def closest(
 
 
 @kernel
-def nearest(tree: Tree, x: float, y: float, best: float) -> float:
+def nearest(tree: Array, start: int, stop: int, x: float, y: float, best: float) -> float:
     """Distance (m) from a point to the nearest segment less its radius, or `best` where that is smaller."""
-    i = 0
-    while i < len(tree.boxes) and best > 0.0:
-        dx = max(tree.boxes[i, 0] - x, 0.0, x - tree.boxes[i, 2])
-        dy = max(tree.boxes[i, 1] - y, 0.0, y - tree.boxes[i, 3])
+    i = start
+    while i < stop and best > 0.0:
+        dx = max(tree[i] - x, 0.0, x - tree[i + 2])
+        dy = max(tree[i + 1] - y, 0.0, y - tree[i + 3])
         if dx * dx + dy * dy >= best * best:
-            i = tree.links[i, 0]
+            i += int(tree[i + 4])
             continue
-        first = tree.links[i, 1]
-        for k in range(first, first + tree.links[i, 2]):
-            fx, fy = foot(
-                x, y, tree.segments[k, 0], tree.segments[k, 1], tree.segments[k, 2], tree.segments[k, 3]
-            )
-            best = min(best, math.sqrt((x - fx) ** 2 + (y - fy) ** 2) - tree.segments[k, 4])
-        i += 1
+        count = int(tree[i + 5])
+        i += HEAD
+        for _ in range(count):
+            fx, fy = foot(x, y, tree[i], tree[i + 1], tree[i + 2], tree[i + 3])
+            best = min(best, math.sqrt((x - fx) ** 2 + (y - fy) ** 2) - tree[i + 4])
+            i += SIZE
     return best
 
 
 @kernel
-def winding(tree: Tree, stop: int, x: float, y: float) -> int:
-    """How many counter-clockwise outlines among the first `stop` boxes go round a point that is on none."""
-    count, i = 0, 0
-    while i < stop:
-        if y < tree.boxes[i, 1] or y > tree.boxes[i, 3] or x > tree.boxes[i, 2]:
-            i = tree.links[i, 0]
-            continue
-        first = tree.links[i, 1]
-        for k in range(first, first + tree.links[i, 2]):
-            ax, ay, bx, by = (
-                tree.segments[k, 0],
-                tree.segments[k, 1],
-                tree.segments[k, 2],
-                tree.segments[k, 3],
-            )
-            if (ay <= y) != (by <= y):
-                left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-                if by > ay and left > 0.0:
-                    count += 1
-                elif by <= ay and left < 0.0:
-                    count -= 1
-        i += 1
-    return count
-
-
-@kernel
-def edge_distance(tree: Tree, ax: float, ay: float, bx: float, by: float, best: float) -> float:
+def edge_distance(
+    tree: Array, start: int, stop: int, ax: float, ay: float, bx: float, by: float, best: float
+) -> float:
     """Distance (m) from segment ab to the nearest segment, radii left out, or `best` >= 0 if smaller."""
     x_min, x_max, y_min, y_max = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
-    i = 0
-    while i < len(tree.boxes):
-        dx = max(tree.boxes[i, 0] - x_max, 0.0, x_min - tree.boxes[i, 2])
-        dy = max(tree.boxes[i, 1] - y_max, 0.0, y_min - tree.boxes[i, 3])
+    i = start
+    while i < stop:
+        dx = max(tree[i] - x_max, 0.0, x_min - tree[i + 2])
+        dy = max(tree[i + 1] - y_max, 0.0, y_min - tree[i + 3])
         if dx * dx + dy * dy >= best * best:
-            i = tree.links[i, 0]
+            i += int(tree[i + 4])
             continue
-        first = tree.links[i, 1]
-        for k in range(first, first + tree.links[i, 2]):
-            s = tree.segments[k]
-            best = min(best, math.sqrt(closest(s[0], s[1], s[2], s[3], ax, ay, bx, by)[0]))
-        i += 1
+        count = int(tree[i + 5])
+        i += HEAD
+        for _ in range(count):
+            square = closest(tree[i], tree[i + 1], tree[i + 2], tree[i + 3], ax, ay, bx, by)[0]
+            best = min(best, math.sqrt(square))
+            i += SIZE
     return best
+
+
+@kernel
+def _left(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether a point is left of where side ab, which is not level, passes its height."""
+    if x < min(ax, bx) or x > max(ax, bx):  # as the boxes tell it, whatever rounding would
+        return x < min(ax, bx)
+    side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+    return side > 0.0 if by > ay else side < 0.0
+
+
+@kernel
+def winding(tree: Array, start: int, stop: int, x: float, y: float, until: float) -> int:
+    """How many times more the outlines go counter-clockwise round (x, y) than round (until, y), neither of
+    them on an outline. until = inf: round (x, y) alone."""
+    count, i = 0, start
+    while i < stop:
+        if y < tree[i + 1] or y > tree[i + 3] or x > tree[i + 2] or until < tree[i]:
+            i += int(tree[i + 4])
+            continue
+        sides = int(tree[i + 5])
+        i += HEAD
+        for _ in range(sides):
+            ax, ay, bx, by = tree[i], tree[i + 1], tree[i + 2], tree[i + 3]
+            i += SIZE
+            if (ay <= y) != (by <= y) and _left(x, y, ax, ay, bx, by) and not _left(until, y, ax, ay, bx, by):
+                count += 1 if by > ay else -1
+    return count

@@ -43,11 +43,7 @@ _QUANTITIES = {
     "wheel_acceleration_ratio": ("the wheel acceleration", "rad/s²", 1e-2),
     "wheel_jerk_ratio": ("the wheel jerk", "rad/s³", 2e-2),
     "wheel angle": ("the gap between the wheel angle and the integral of its velocity", "rad", 0.0),
-    "wheel velocity": (
-        "the gap between the wheel velocity and the integral of its acceleration",
-        "rad/s",
-        0.0,
-    ),
+    "wheel velocity": ("the gap between the wheel velocity and the integral of acceleration", "rad/s", 0.0),
     "steering_angle_ratio": ("the steering angle", "rad", 1e-4),
     "steering_rate_ratio": ("the steering rate", "rad/s", 1e-2),
     "steering angle": ("the gap between the steering angle and the integral of its rate", "rad", 0.0),

@@ -103,3 +103,10 @@ def test_where_all_contacts_meet_the_twist_is_the_least_that_fits() -> None:
     twist, slip = pair.forward(np.zeros((1, 2)), np.array([[0.0, np.pi]]), np.zeros((1, 2)))
     np.testing.assert_allclose(twist, 0.0, atol=1e-12)
     assert slip[0] < 1e-12
+
+
+def test_once_it_has_swung_round_a_caster_on_a_straight_rolls_like_the_swerve_it_settles_to() -> None:
+    path = constant((0.8, 0.6, 0.0), 3.0, 301)
+    trailing, settled = CASTER.actuators(path), CASTER.settled.actuators(path)
+    np.testing.assert_allclose(trailing.wheel[-1], settled.wheel[-1], rtol=1e-12)
+    np.testing.assert_allclose(trailing.steering[-1], settled.steering[-1], atol=1e-12)

@@ -173,6 +173,23 @@ def test_rates_have_degree_one_and_steering_degree_zero_in_the_twist(kind, vx, v
 
 @every_drive
 @fast
+@given(vx=speed, vy=speed, omega=speed)
+def test_the_rolling_law_gives_the_rates_of_the_settled_drive_up_to_the_sense_of_steered_wheels(
+    kind, vx, vy, omega
+) -> None:
+    drive = EXAMPLES[kind].settled
+    law, twist = drive.rolling_law(), admissible(drive, vx, vy, omega)
+    x, y = law.points.T
+    pointed = np.hypot(twist.vx - y * twist.omega, twist.vy + x * twist.omega) / law.radius
+    state = drive.inverse(twist)
+    rolled = np.where(law.steered, np.abs(state.rates), state.rates)
+    np.testing.assert_allclose(np.where(law.steered, pointed, law.rows @ twist), rolled, atol=1e-10, rtol=0)
+    if len(drive.steered_names):
+        assert law.heading_steers == (not law.steered.any())
+
+
+@every_drive
+@fast
 @given(vx=speed, vy=st.floats(1e-3, 3.0), omega=speed)
 def test_a_sideways_twist_is_refused_by_the_drives_that_cannot_do_it_and_by_no_other(
     kind, vx, vy, omega

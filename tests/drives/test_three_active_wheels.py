@@ -118,7 +118,8 @@ def test_constant_rates_with_a_sum_move_on_a_circle(omegas, theta, t) -> None:
     w1, w2, w3 = omegas
     total = w1 + w2 + w3
     omega0 = R * total / (3 * A)
-    big1 = math.sqrt(max(w1**2 + w2**2 + w3**2 - w1 * w2 - w2 * w3 - w3 * w1, 0.0))
+    # Ω₁² = ω₁² + ω₂² + ω₃² - ω₁ω₂ - ω₂ω₃ - ω₃ω₁, as a sum of squares, which keeps all digits
+    big1 = math.sqrt(((w1 - w2) ** 2 + (w2 - w3) ** 2 + (w3 - w1) ** 2) / 2)
     v = 2 * R * big1 / 3
     course = theta + OFFSET + math.atan2(w2 + w3 - 2 * w1, ROOT3 * (w2 - w3))
     printed = (1 + v / omega0 * math.sin(course), 2 - v / omega0 * math.cos(course))

@@ -21,9 +21,11 @@ from drives import (
     Module,
     Omni,
     PoweredCaster,
+    SkidSteer,
     Swedish,
     SwedishWheel,
     Swerve,
+    Tracked,
     Tricycle,
 )
 from drives.se2 import Twist
@@ -176,3 +178,19 @@ def test_two_wheels_of_a_differential_drive_always_agree(left, right) -> None:
 def test_turning_on_the_spot_drives_every_omni_wheel_backwards_alike(omega, offset) -> None:
     rates = Omni(0.1, 0.2, 5, offset).inverse(Twist(0.0, 0.0, omega)).rates
     np.testing.assert_allclose(rates, -0.2 * omega / 0.1, rtol=0, atol=1e-14)
+
+
+@given(vx=speed, omega=speed, slip=st.floats(1.0, 3.0))
+def test_wheels_that_skid_roll_like_a_differential_drive_of_the_effective_track(vx, omega, slip) -> None:
+    left, right = Differential(0.1, 0.5 * slip).inverse(Twist(vx, 0.0, omega)).rates
+    tracks = Tracked(0.1, 0.5, slip).inverse(Twist(vx, 0.0, omega)).rates
+    four = SkidSteer(0.1, 0.5, 0.4, slip).inverse(Twist(vx, 0.0, omega)).rates
+    np.testing.assert_allclose(tracks, (left, right), atol=1e-12)
+    np.testing.assert_allclose(four, (left, right, left, right), atol=1e-12)
+
+
+def test_skidding_wheels_of_a_side_that_disagree_slip_by_half_of_it() -> None:
+    drive = SkidSteer(0.1, 0.5, 0.4, 1.6)
+    twist, slip = drive.forward(np.array([[3.0, 2.0, 1.0, 2.0]]), np.zeros((1, 0)), np.zeros((1, 0)))
+    np.testing.assert_allclose(twist, [[0.2, 0.0, 0.0]], atol=1e-15)
+    assert slip[0] == pytest.approx(0.1, abs=1e-15)

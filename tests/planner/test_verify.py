@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drives import DRIVES, Module, SwedishWheel
+from drives import DRIVES, Differential, Module, SwedishWheel
 from drives.drive import BodyPath, Car, Drive, Holonomic, Limits
 from drives.se2 import Array, Pose, Twist, compose, exp
 from planner.errors import AuditFailed
@@ -248,7 +248,7 @@ def test_a_very_short_last_step_passes(last: float) -> None:
     columns = {f.name: linger(getattr(true, f.name)) for f in fields(WheelSchedule)}
     # Rounding in the last sample but one, which a mean over so short a time would blow up.
     for name in ("wheel_velocity", "wheel_acceleration"):
-        columns[name][-2] += 1e-8
+        columns[name][-2] += 1e-7
     columns["time"][-1] += last
     found = case.limits(wheel_jerk=np.full(2, 40.0)).schedules(**columns).verify()
     assert found.wheel_jerk_ratio < 1
@@ -414,6 +414,20 @@ def test_a_column_of_another_shape_is_refused(name: str) -> None:
     assert any("has shape" in s for s in spoiled.sentences())
 
 
+@pytest.mark.parametrize("answer", ["twist", "slip"])
+def test_kinematics_that_answer_nan_are_refused(answer: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = moving(drive_of("differential"))
+    true = Differential.forward
+
+    def broken(drive: Differential, *state: Array) -> tuple[Array, Array]:
+        twist, slip = true(drive, *state)
+        (twist if answer == "twist" else slip)[80] = math.nan
+        return twist, slip
+
+    monkeypatch.setattr(Differential, "forward", broken)
+    assert any("is nan" in s for s in case.sentences())
+
+
 def test_no_sample_at_all_is_refused() -> None:
     case = moving(drive_of("swerve"))
     nothing = WheelSchedule(*(getattr(case.schedule, f.name)[:0] for f in fields(WheelSchedule)))
@@ -447,6 +461,14 @@ def test_steering_spoiled_is_named(kind: str) -> None:
     mirrored = 2 * schedule.steering_angle[0] - schedule.steering_angle
     for spoiled, sentence in (
         (case.limits(steering_rate=used / 1.02), r"^the steering rate of \w+ is [\d.]+ rad/s at"),
+        (
+            column("steering_rate", (70, 0), 2.1 * used)(case),
+            rf"^the steering rate of {first} .* t = 1\.4000 s",
+        ),
+        (
+            column("steering_angle", (AFTER, 0), used / 10)(case),
+            rf"^the steering rate of {first} .* t = 1\.38",
+        ),
         (case.limits(steering_angle=largest / 1.001), r"^the steering angle of \w+ is [\d.]+ rad at"),
         (turned, rf"^the angle from the present steering of {first} is 0\.001 rad at t = 0\.0000 s"),
         (
@@ -467,8 +489,8 @@ def test_velocity_is_the_integral_of_acceleration_where_jerk_is_limited() -> Non
     used = np.abs(np.diff(case.schedule.wheel_acceleration, axis=0)).max() / PERIOD
     case = case.limits(wheel_jerk=np.full(2, used))
     assert case.verify().wheel_jerk_ratio == pytest.approx(1, rel=1e-3)
-    idle = case.schedules(wheel_acceleration=case.schedule.wheel_acceleration * 0)
-    assert any("between the wheel velocity and the integral" in s for s in idle.sentences())
+    more = case.schedules(wheel_acceleration=case.schedule.wheel_acceleration + 0.3)
+    assert any("between the wheel velocity and the integral" in s for s in more.sentences())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -575,18 +597,15 @@ def test_clearance_is_looked_at_on_the_arc_and_on_the_chord() -> None:
     """With samples far apart, what the robot does and what the samples say differ by the arc's height."""
     case = moving(drive_of("differential"), Twist(1.0, 0.0, 1.0), period=0.4, duration=4.0)
     case = case.limits(wheel_acceleration=np.full(2, 12.0))
-    seen: list[Array] = []
-
-    class Open:
-        def clearance(self, poses: Array) -> Array:
-            seen.append(poses)
-            return np.full(len(poses), 5.0)
-
-    assert case.verify(Open()).clearance == 5.0
-    centre = np.array(compose(START, Pose(0.0, 1.0, 0.0))[:2])
-    rolled, stated = (np.hypot(*(poses[:, :2] - centre).T) for poses in seen)
-    assert rolled.min() > 0.997
-    assert stated.min() < 0.985
+    before, after = case.schedule.pose[5:7, 2] - START.theta
+    rise = 1 - math.cos((after - before) / 2)  # of the arc, its radius 1 m, over its chord
+    assert rise > 0.01
+    turn = (before + after) / 2
+    middle = compose(START, exp(Twist(turn, 0.0, turn)))
+    inside, outside = (compose(middle, Pose(0.0, y, 0.0)) for y in (0.6, -0.6))
+    near = 0.6 - 0.1 - RADIUS
+    assert case.verify(Discs(((*inside[:2], 0.1),))).clearance == pytest.approx(near - rise, abs=2e-3)
+    assert case.verify(Discs(((*outside[:2], 0.1),))).clearance == pytest.approx(near, abs=2e-3)
 
 
 def test_a_synchro_drive_keeps_the_heading_of_its_body() -> None:

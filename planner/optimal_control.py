@@ -1,0 +1,332 @@
+"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. The only file
+that imports casadi.
+
+Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are linear
+in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions are integrated
+by Gauss's rule, so a long interval costs no accuracy. Every limit is a row that must stay in [-1, 1]; wheel
+accelerations and jerks are the rates' derivatives, taken symbolically, so that one formula for the rate of a
+wheel serves fixed and steered wheels alike. The duration is a state that does not change.
+
+Sources: Bock and Plitt (1984), direct multiple shooting; Vanroye et al. (2023), Fatrop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from drives.se2 import Array
+
+__all__ = ["Shape", "Solver", "solver"]
+
+_STILL = 1e-3
+"""Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
+_REGULARIZATION = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What a compiled solver is for: all else are its parameters.
+
+    coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep to at
+    every knot. jerk: whether wheel jerks are limited. held: whether a car begins with a given curvature.
+    forward: whether it must not go backwards.
+    """
+
+    coordinates: Literal["twist", "unicycle", "car"]
+    rows: int
+    steered: int
+    planes: int
+    knots: int
+    jerk: bool
+    held: bool
+    forward: bool
+
+    @property
+    def size(self) -> int:
+        """How many coordinates there are."""
+        return 3 if self.coordinates == "twist" else 2
+
+    @property
+    def order(self) -> int:
+        """How many derivatives of the coordinates are states."""
+        return 2 if self.jerk else 1
+
+    @property
+    def state(self) -> int:
+        """Pose, coordinates (and rates), duration."""
+        return 4 + self.order * self.size
+
+    def parameters(self) -> dict[str, int]:
+        """Names and sizes, in order.
+
+        start, goal: poses. rate (rows, 3): wheel rate over its limit per twist. x, y, speed (steered): where the wheel
+        stands, and 1 over its largest rolling speed. acceleration, jerk (rows + steered): rate limit over
+        acceleration limit, and over jerk limit. steering: 1 over the steering rate. curvature: 1 over the largest.
+        body: 1 over the limits of speed, omega, tangential and lateral acceleration. bend: the curvature that a car
+        begins with. Then for every knot `planes` rows (nx, ny, x, y, d): n·(point of the body at x, y) >= d.
+        """
+        wheels = self.rows + self.steered
+        return {
+            "start": 3, "goal": 3, "rate": 3 * self.rows, "x": self.steered, "y": self.steered, "speed": self.steered,
+            "acceleration": wheels, "jerk": wheels, "steering": 1, "curvature": 1, "body": 4, "bend": 1,
+            "planes": 5 * self.planes * (self.knots + 1),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """A compiled solver for problems of one shape."""
+
+    shape: Shape
+    _function: Any
+    _lower: Array
+    _upper: Array
+
+    def solve(self, parameters: dict[str, Any], guess: Array, controls: Array) -> tuple[Array, Array] | None:
+        """States (knots + 1, state) and controls (knots, size), or None.
+
+        guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their rates where
+        jerk is limited, and the duration, which should be about 1, as should be lengths.
+        """
+        n, m = self.shape.knots, self.shape.state
+        packed = np.concatenate([np.ravel(parameters[name]) for name in self.shape.parameters()])
+        first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
+        found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
+        if not self._function.stats()["success"]:
+            return None
+        values = np.array(found["x"]).ravel()
+        if not np.isfinite(values).all():
+            return None
+        body = values[:-m].reshape(n, -1)
+        return np.vstack([body[:, :m], values[-m:]]), body[:, m:]
+
+
+@lru_cache(maxsize=64)
+def solver(shape: Shape) -> Solver:
+    """The solver for a shape, built when first asked for (0.1 to 0.5 s)."""
+    n, size = shape.knots, shape.size
+    stage = _stage(shape)
+    # Small functions of plain expressions, mapped over the knots by one large one: quick to build and to run.
+    variables = ca.MX.sym("w", n * (shape.state + size) + shape.state)
+    pairs = ca.reshape(variables[: n * (shape.state + size)], shape.state + size, n)
+    x = ca.horzcat(pairs[: shape.state, :], variables[-shape.state :])
+    u = pairs[shape.state :, :]
+    shared = ca.MX.sym("shared", stage.parameters)
+    planes = ca.MX.sym("planes", 5 * shape.planes, n + 1)
+    stepped = ca.horzsplit(x[:, 1:] - stage.step.map(n)(x[:, :-1], u))
+    speeds = ca.horzsplit(stage.speeds.map(n)(x[:, 1:], ca.repmat(shared, 1, n)))
+    changes = ca.horzsplit(stage.changes.map(n)(x[:, :-1], u, ca.repmat(shared, 1, n)))
+    gaps = ca.horzsplit(stage.gaps.map(n - 1)(x[:, 1:-1], planes[:, 1:-1])) if shape.planes else []
+    rows: list[Any] = []
+    lower: list[float] = []
+    upper: list[float] = []
+
+    def hold(values: Any, low: float, high: float) -> None:
+        rows.append(values)
+        lower.extend([low] * values.shape[0])
+        upper.extend([high] * values.shape[0])
+
+    for i in range(n + 1):
+        if i < n:
+            hold(stepped[i], 0, 0)
+        if i == 0:
+            hold(stage.begin(x[:, 0], shared), 0, 0)
+            hold(x[-1, 0], 1e-3, 1e3)
+            if shape.coordinates == "car":
+                hold(stage.bend(x[:, 0], shared), -1, 1)
+        else:
+            hold(speeds[i - 1], -1, 1)
+        if i == n:
+            hold(stage.finish(x[:, n], shared), 0, 0)
+        else:
+            hold(changes[i], -1, 1)
+            if i > 0 and gaps:
+                hold(gaps[i - 1], 0, ca.inf)
+    program = {
+        "x": variables, "p": ca.vertcat(shared, ca.vec(planes)), "g": ca.vertcat(*rows),
+        "f": x[-1, n] + ca.sumsqr(u) * (_REGULARIZATION / n),
+    }  # fmt: skip
+    equal = [low == high for low, high in zip(lower, upper, strict=True)]
+    options: dict[str, Any] = {
+        # Written out as one expression it runs faster, but where wheels steer it takes too long to write.
+        "expand": shape.steered == 0, "print_time": False, "structure_detection": "auto", "equality": equal,
+        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 1e-2, "max_iter": 120},
+    }  # fmt: skip
+    function = ca.nlpsol("fastest", "fatrop", program, options)
+    return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))
+
+
+class _Stage(NamedTuple):
+    """The functions of one knot, or one interval: of state, control and shared parameters, or its half-planes."""
+
+    parameters: int
+    step: Any
+    begin: Any
+    finish: Any
+    bend: Any
+    speeds: Any
+    changes: Any
+    gaps: Any
+
+
+def _stage(shape: Shape) -> _Stage:
+    sizes = {name: size for name, size in shape.parameters().items() if name != "planes"}
+    symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    problem = _Problem(shape, symbols)
+    x, u, planes = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("n", 5 * shape.planes)
+    p = ca.vertcat(*symbols.values())
+
+    def function(name: str, given: list[Any], rows: list[Any]) -> Any:
+        return ca.Function(name, given, [ca.vertcat(*rows)])
+
+    return _Stage(
+        p.shape[0],
+        function("step", [x, u], [problem.step(x, u)]),
+        function("begin", [x, p], problem.at_end(x, symbols["start"], first=True)),
+        function("finish", [x, p], problem.at_end(x, symbols["goal"], first=False)),
+        function("bend", [x, p], problem.bends(x)),
+        function("speeds", [x, p], problem.speeds(x)),
+        function("changes", [x, u, p], problem.changes(x, u)),
+        function("gaps", [x, planes], problem.gaps(x, planes)),
+    )
+
+
+_INSIDE: dict[str, tuple[float, ...]] = {"fixed": (0.0,), "car": (0.0, 1.0), "twist": (0.5,), "jerk": (0.25, 0.75)}
+"""Where in an interval limits on changes are held: fixed wheels accelerate evenly there, steered ones do not."""
+
+_GAUSS = ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18))
+
+
+class _Problem:
+    """The rows of one shape, as expressions."""
+
+    def __init__(self, shape: Shape, symbols: dict[str, Any]) -> None:
+        self.shape, self.p = shape, symbols
+
+    def _split(self, x: Any) -> tuple[Any, Any, Any]:
+        """Pose, coordinates and their rates (none where they are the control)."""
+        size = self.shape.size
+        return x[:3], x[3 : 3 + size], x[3 + size : 3 + 2 * size] if self.shape.jerk else None
+
+    def _later(self, x: Any, u: Any, t: Any) -> tuple[Any, Any]:
+        """Coordinates and their rates a time t after a knot."""
+        _, q, r = self._split(x)
+        return (q + t * u, u) if r is None else (q + t * r + t**2 / 2 * u, r + t * u)
+
+    def twist(self, q: Any) -> tuple[Any, Any, Any]:
+        match self.shape.coordinates:
+            case "twist":
+                return q[0], q[1], q[2]
+            case "unicycle":
+                return q[0], 0, q[1]
+            case "car":
+                return q[0], 0, q[0] * q[1]
+
+    def step(self, x: Any, u: Any) -> Any:
+        """The state at the next knot."""
+        h = x[-1] / self.shape.knots
+        pose = x[:3]
+
+        def turned(t: Any) -> Any:
+            # Gauss's rule with two nodes is exact for the cubic, with three for the quintic, that omega can be.
+            return sum(w * t * self.twist(self._later(x, u, a * t)[0])[2] for a, w in _GAUSS)
+
+        dx, dy = 0, 0
+        for a, w in _GAUSS:
+            vx, vy, _ = self.twist(self._later(x, u, a * h)[0])
+            theta = pose[2] + turned(a * h)
+            c, s = ca.cos(theta), ca.sin(theta)
+            dx += w * h * (c * vx - s * vy)
+            dy += w * h * (s * vx + c * vy)
+        q, r = self._later(x, u, h)
+        moved = ca.vertcat(pose[0] + dx, pose[1] + dy, pose[2] + turned(h))
+        return ca.vertcat(moved, q, *([r] if self.shape.jerk else []), x[-1])
+
+    def at_end(self, x: Any, pose: Any, first: bool) -> list[Any]:
+        """What is zero at rest at a pose."""
+        where, q, r = self._split(x)
+        still = [q[0], q[1]] if self.shape.coordinates == "unicycle" else [q]
+        if self.shape.coordinates == "car":
+            still = [q[0] if not (first and self.shape.held) else ca.vertcat(q[0], q[1] - self.p["bend"])]
+        moved = [] if r is None else [r[0] if self.shape.coordinates == "car" else r]
+        return [where - pose, *still, *moved]
+
+    def _rates(self, q: Any) -> list[Any]:
+        """Every wheel's rate over its limit."""
+        p, (vx, vy, omega) = self.p, self.twist(q)
+        rates = [
+            p["rate"][3 * i] * vx + p["rate"][3 * i + 1] * vy + p["rate"][3 * i + 2] * omega
+            for i in range(self.shape.rows)
+        ]
+        for i in range(self.shape.steered):
+            if self.shape.coordinates == "car":
+                # Of the sign of v, as the wheel's direction follows from the curvature alone.
+                rolled = q[0] * ca.sqrt((1 - p["y"][i] * q[1]) ** 2 + (p["x"][i] * q[1]) ** 2)
+            else:
+                px, py = vx - p["y"][i] * omega, vy + p["x"][i] * omega
+                rolled = ca.sqrt(px**2 + py**2 + _STILL**2)
+            rates.append(rolled * p["speed"][i])
+        return rates
+
+    def speeds(self, x: Any) -> list[Any]:
+        """Rows that depend on the coordinates only."""
+        _, q, _ = self._split(x)
+        vx, vy, omega = self.twist(q)
+        body = self.p["body"]
+        rows = [*self._rates(q), omega * body[1]]
+        if self.shape.coordinates == "twist":
+            rows.append(2 * (vx**2 + vy**2) * body[0] ** 2 - 1)
+        else:
+            rows += [vx * body[0], vx * omega * body[3]]
+        if self.shape.forward:
+            # In [-1, 1] as long as 0 <= vx; no speed is near the other end.
+            rows.append(1 - vx / 50)
+        return [*rows, *self.bends(x)]
+
+    def bends(self, x: Any) -> list[Any]:
+        """The row that limits a car's curvature."""
+        return [x[4] * self.p["curvature"]] if self.shape.coordinates == "car" else []
+
+    def changes(self, x: Any, u: Any) -> list[Any]:
+        """Rows that depend on how the coordinates change, over the interval after a knot."""
+        rows = []
+        kind: str = self.shape.coordinates if self.shape.steered else "fixed"
+        for share in _INSIDE["jerk" if kind == "twist" and self.shape.jerk else kind]:
+            q, r = self._later(x, u, share * x[-1] / self.shape.knots)
+            rows += self._changes(q, r, u)
+        return rows
+
+    def _changes(self, q: Any, r: Any, u: Any) -> list[Any]:
+        at, change = ca.SX.sym("q", self.shape.size), ca.SX.sym("r", self.shape.size)
+        rates = ca.vertcat(*self._rates(at))
+        acceleration = ca.jtimes(rates, at, change)
+        values = [acceleration * self.p["acceleration"]]
+        if self.shape.jerk:
+            jerk = ca.jtimes(acceleration, at, change) + ca.jtimes(acceleration, change, u)
+            values.append(jerk * self.p["jerk"])
+        vx, vy, omega = self.twist(at)
+        if self.shape.coordinates != "twist":
+            values.append(change[0] * self.p["body"][2])
+        for i in range(self.shape.steered):
+            if self.shape.coordinates == "car":
+                a, b = 1 - self.p["y"][i] * at[1], self.p["x"][i] * at[1]
+                values.append(self.p["x"][i] / (a**2 + b**2) * change[1] * self.p["steering"])
+            else:
+                px, py = vx - self.p["y"][i] * omega, vy + self.p["x"][i] * omega
+                ax, ay = change[0] - self.p["y"][i] * change[2], change[1] + self.p["x"][i] * change[2]
+                values.append((px * ay - py * ax) / (px**2 + py**2 + _STILL) * self.p["steering"])
+        return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change), ca.vertcat(q, r))]
+
+    def gaps(self, x: Any, planes: Any) -> list[Any]:
+        """How far points of the body are on the right side of half-planes."""
+        c, s = ca.cos(x[2]), ca.sin(x[2])
+        rows = []
+        for j in range(self.shape.planes):
+            nx, ny, bx, by, d = (planes[5 * j + i] for i in range(5))
+            rows.append(nx * (x[0] + c * bx - s * by) + ny * (x[1] + s * bx + c * by) - d)
+        return rows

@@ -1,0 +1,256 @@
+"""Motions of body and actuators as functions of time, made of phases that follow one another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drives.drive import BodyPath, Drive
+from drives.se2 import Array, Pose
+from planner.path import Piece
+from planner.schedule import WheelSchedule
+
+__all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer"]
+
+
+class Phase(Protocol):
+    """Part of a motion."""
+
+    @property
+    def duration(self) -> float:
+        """s."""
+
+    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
+        """Write the motion at times (n,) since the phase began into rows of out, wheels starting at `angle` (m,).
+
+        Returns the wheels' angles (m,) at the end of the phase.
+        """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phases:
+    """A Trajectory of phases one after the other."""
+
+    drive: Drive
+    phases: tuple[Phase, ...]
+
+    @property
+    def duration(self) -> float:
+        return math.fsum(phase.duration for phase in self.phases)
+
+    def sample(self, time: Array) -> WheelSchedule:
+        """The motion at times (n,), which must increase within [0, duration]."""
+        n, m, k = len(time), len(self.drive.wheel_names), len(self.drive.steered_names)
+        out = WheelSchedule(
+            time, *(np.zeros((n, m)) for _ in range(3)), *(np.zeros((n, k)) for _ in range(2)),
+            *(np.zeros((n, 3)) for _ in range(2)),
+        )  # fmt: skip
+        begin, angle = 0.0, np.zeros(m)
+        for phase in self.phases:
+            first = int(np.searchsorted(time, begin, side="left"))
+            end = n if phase is self.phases[-1] else int(np.searchsorted(time, begin + phase.duration, side="left"))
+            local = np.clip(time[first:end] - begin, 0.0, phase.duration)
+            angle = phase.fill(self.drive, local, out, slice(first, end), angle)
+            begin += phase.duration
+        # A motion begins and ends at rest. A steering rate may jump there: report the side that is rest.
+        for i in (0, -1) if n else ():
+            out.steering_rate[i] = out.wheel_velocity[i] = out.twist[i] = 0.0
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steer:
+    """The body at rest while steered wheels turn from `before` to `after` (k,), each at a constant rate."""
+
+    pose: Pose
+    before: Array
+    after: Array
+    duration: float
+
+    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
+        rate = (self.after - self.before) / self.duration
+        out.wheel_angle[rows] = angle
+        out.steering_angle[rows] = self.before + np.multiply.outer(time, rate)
+        out.steering_rate[rows] = rate
+        out.pose[rows] = self.pose
+        return angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i], jerk[i].
+
+    time has one entry more than the others, its last is the duration.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+
+    @property
+    def duration(self) -> float:
+        return float(self.time[-1])
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """s in [0, 1], ṡ and s̈ at times t (n,)."""
+        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.position) - 1)
+        u = t - self.time[i]
+        p, v, a, j = self.position[i], self.velocity[i], self.acceleration[i], self.jerk[i]
+        s = p + u * (v + u * (a / 2 + u * j / 6))
+        return np.clip(s, 0.0, 1.0), v + u * (a + u * j / 2), a + u * j
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Driven:
+    """One piece of a path, driven by a profile from rest to rest. steering (k,): where the wheels stand as it
+    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators."""
+
+    piece: Piece
+    profile: Profile
+    grid: Array
+    steering: Array
+
+    @property
+    def duration(self) -> float:
+        return self.profile.duration
+
+    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
+        s, rate, acceleration = self.profile.at(time)
+        fine, place = np.unique(np.concatenate([self.grid, s]), return_inverse=True)
+        path = self.piece.body_path(fine)
+        law = drive.actuators(path, self.steering)
+        h = np.diff(fine)[:, None]
+        w, dw = law.wheel, law.wheel_derivative
+        # Euler–Maclaurin: the trapezoid rule and its end correction, fourth order in h.
+        gained = h / 2 * (w[:-1] + w[1:]) + h**2 / 12 * (dw[:-1] - dw[1:])
+        turned = angle + np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
+        here = place[len(self.grid) :]
+        v, a = rate[:, None], acceleration[:, None]
+        out.wheel_angle[rows] = turned[here]
+        out.wheel_velocity[rows] = w[here] * v
+        out.wheel_acceleration[rows] = w[here] * a + dw[here] * v**2
+        out.steering_angle[rows] = law.steering[here]
+        out.steering_rate[rows] = law.steering_derivative[here] * v
+        out.pose[rows] = self.piece.poses(s)
+        out.twist[rows] = path.tangent[here] * v
+        end: Array = turned[-1]
+        return end
+
+
+_GAUSS_AT = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
+_GAUSS_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flowing:
+    """A motion from rest to rest whose coordinates are polynomials in time between knots.
+
+    time (n + 1,) s, from 0; coefficients (n, 3, c): over interval i the coordinates are
+    coefficients[i] · (1, u, u²), u = t - time[i]. Coordinates: (vx, vy, omega) the twist; (v, omega); or, where
+    `curves`, (v, curvature 1/m), which leaves the steering of a car defined at rest. start: the pose it begins at;
+    steering (k,): where steered wheels stand before, None: as the motion needs.
+    """
+
+    start: Pose
+    time: Array
+    coefficients: Array
+    curves: bool
+    steering: Array | None
+    steering_limit: float = np.inf
+
+    @property
+    def duration(self) -> float:
+        return float(self.time[-1])
+
+    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
+        knots, place = np.unique(np.concatenate([self.time, time]), return_inverse=True)
+        here = place[len(self.time) :]
+        # Every interval is halved, for Simpson's rule: within it all rates are smooth.
+        fine = np.empty(2 * len(knots) - 1)
+        fine[::2], fine[1::2] = knots, (knots[:-1] + knots[1:]) / 2
+        heading = self.start.theta + self._turned(fine)
+        twist, change = self._twist(fine)
+        v, dv = twist[:, :1], change[:, :1]
+        if self.curves:
+            tangent, derivative = self._direction(fine)
+            law = drive.actuators(BodyPath(fine, heading, tangent, derivative), self.steering, self.steering_limit)
+            rate, acceleration = law.wheel * v, law.wheel * dv + law.wheel_derivative * v
+        else:
+            law = drive.actuators(BodyPath(fine, heading, twist, change), self.steering, self.steering_limit)
+            rate, acceleration = law.wheel, law.wheel_derivative
+        h = np.diff(knots)[:, None]
+        gained = h / 6 * (rate[:-2:2] + 4 * rate[1::2] + rate[2::2])
+        turned = angle + np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(gained, 0)])
+        out.wheel_angle[rows] = turned[here]
+        out.wheel_velocity[rows] = rate[2 * here]
+        out.wheel_acceleration[rows] = acceleration[2 * here]
+        out.steering_angle[rows] = law.steering[2 * here]
+        out.steering_rate[rows] = law.steering_derivative[2 * here]
+        out.pose[rows] = self._poses(knots, heading[::2])[here]
+        out.twist[rows] = twist[2 * here]
+        end: Array = turned[-1]
+        return end
+
+    def _at(self, t: Array) -> tuple[Array, Array]:
+        """Coordinates and their rates (n, c) at times t (n,)."""
+        i, u = self._interval(t)
+        c = self.coefficients[i]
+        return c[:, 0] + u * (c[:, 1] + u * c[:, 2]), c[:, 1] + 2 * u * c[:, 2]
+
+    def _interval(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 2)
+        return i, (t - self.time[i])[:, None]
+
+    def _twist(self, t: Array) -> tuple[Array, Array]:
+        """Twists and their rates (n, 3)."""
+        q, dq = self._at(t)
+        if q.shape[1] == 3:
+            return q, dq
+        zero = np.zeros(len(t))
+        if not self.curves:
+            return np.stack([q[:, 0], zero, q[:, 1]], -1), np.stack([dq[:, 0], zero, dq[:, 1]], -1)
+        omega, change = q[:, 0] * q[:, 1], dq[:, 0] * q[:, 1] + q[:, 0] * dq[:, 1]
+        return np.stack([q[:, 0], zero, omega], -1), np.stack([dq[:, 0], zero, change], -1)
+
+    def _direction(self, t: Array) -> tuple[Array, Array]:
+        """Tangents (1, 0, curvature) and their rates in time (n, 3)."""
+        q, dq = self._at(t)
+        one, zero = np.ones(len(t)), np.zeros(len(t))
+        return np.stack([one, zero, q[:, 1]], -1), np.stack([zero, zero, dq[:, 1]], -1)
+
+    def _turned(self, t: Array) -> Array:
+        """Change of heading (n,) since the start, exact: omega is a polynomial."""
+        c = self.coefficients
+        if self.curves:
+            v, k = c[..., 0], c[..., 1]
+            omega = np.zeros((len(c), 5))
+            for a in range(3):
+                for b in range(3):
+                    omega[:, a + b] += v[:, a] * k[:, b]
+        else:
+            omega = c[..., -1]
+        power = np.arange(omega.shape[1])
+        i, u = self._interval(np.concatenate([self.time[1:], t]))
+        i[: len(c)] = np.arange(len(c))
+        u[: len(c), 0] = np.diff(self.time)
+        part = (omega[i] / (power + 1) * u ** (power + 1)).sum(1)
+        whole = np.concatenate([[0.0], np.cumsum(part[: len(c)])])
+        turned: Array = whole[i[len(c) :]] + part[len(c) :]
+        return turned
+
+    def _poses(self, t: Array, heading: Array) -> Array:
+        """Poses (n, 3) at increasing times t from 0 that include the knots, by Gauss's rule between them."""
+        nodes = (t[:-1, None] + np.diff(t)[:, None] * _GAUSS_AT).ravel()
+        theta = self.start.theta + self._turned(nodes)
+        twist, _ = self._twist(nodes)
+        c, s = np.cos(theta), np.sin(theta)
+        velocity = np.stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]], -1)
+        step = np.diff(t)[:, None] * np.tensordot(velocity.reshape(-1, 3, 2), _GAUSS_WEIGHT, (1, 0))
+        xy = np.concatenate([np.zeros((1, 2)), np.cumsum(step, 0)]) + self.start[:2]
+        return np.column_stack([xy, heading])

@@ -1,0 +1,103 @@
+"""An application whose planner is a fake and whose worker is a thread, for everything that HTTP decides."""
+
+from __future__ import annotations
+
+import asyncio
+import copy
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner.plan
+from api.app import create_app
+from api.settings import Settings
+from api.workers import Pool
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.schedule import WheelSchedule
+from planner.verify import Certificate
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("filterwarnings", "ignore:Using `httpx` with")
+
+
+BODY: dict[str, Any] = {
+    "robot": {
+        "drive": {"type": "differential", "wheel_radius": 0.1, "track_width": 0.5},
+        "footprint": {"type": "rectangle", "length": 0.8, "width": 0.6},
+        "limits": {"wheel_speed": 15.0, "wheel_acceleration": 15},
+    },
+    "start": {"x": -3.0, "y": 0.0, "theta": 0.0},
+    "goal": {"x": 3.0, "y": 0.0, "theta": None},
+    "environment": {"bounds": {"x_min": -5, "y_min": -5, "x_max": 5, "y_max": 5}, "obstacles": []},
+    "options": {"time_budget": 2.0, "seed": 7},
+}
+
+
+class InlinePool(Pool):
+    """Runs every job in a thread of this process."""
+
+    def __init__(self) -> None:
+        super().__init__(1, 1)
+        self._started = True
+
+    def start(self) -> None:
+        pass
+
+    async def run(self, function: Callable[..., Any], *args: Any, deadline: float) -> Any:
+        return await asyncio.to_thread(function, *args)
+
+
+class FakePlanner:
+    """Stands for planner.plan.plan: keeps the problem it got, and answers or raises what a test wants."""
+
+    def __init__(self) -> None:
+        self.problem: Problem | None = None
+        self.raises: BaseException | None = None
+        self.duration = 0.04
+
+    def __call__(self, problem: Problem) -> Plan:
+        self.problem = problem
+        if self.raises is not None:
+            raise self.raises
+        m, k = len(problem.robot.drive.wheel_names), len(problem.robot.drive.steered_names)
+        columns = [np.arange(3.0 * n).reshape(3, n) + n / 10 for n in (m, m, m, k, k, 3, 3)]
+        schedule = WheelSchedule(np.array([0.0, 0.02, 0.04]), *columns)
+        certificate = Certificate(**{field.name: 0.0 for field in fields(Certificate)})
+        return Plan(
+            self.duration, 0.1, schedule, certificate, {"planner": "fake", "seed": problem.options.seed}
+        )
+
+
+@pytest.fixture
+def planner_() -> Iterator[FakePlanner]:
+    real, fake = planner.plan.plan, FakePlanner()
+    planner.plan.plan = fake
+    yield fake
+    planner.plan.plan = real
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    return Settings(
+        data_dir=tmp_path, max_body_bytes=200_000, max_map_bytes=100_000, max_map_cells=10_000, max_maps=3
+    )
+
+
+@pytest.fixture
+def client(settings: Settings, planner_: FakePlanner) -> Iterator[Any]:
+    from starlette.testclient import TestClient
+
+    with TestClient(create_app(settings, InlinePool()), raise_server_exceptions=False) as client:
+        yield client
+
+
+@pytest.fixture
+def body() -> dict[str, Any]:
+    """A request that is right, to be spoilt."""
+    return copy.deepcopy(BODY)

@@ -1,0 +1,111 @@
+"""The rooms of the house and who may import whom, read from the sources."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("drives", "planner", "api")
+SOURCES = {
+    ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
+    for room in ROOMS
+    for file in sorted((ROOT / room).rglob("*.py"))
+}
+
+
+def imports(module: str) -> set[str]:
+    """The modules that a module imports, wherever in it: `from a import b` counts as a, and a.b if that is one."""
+    return set(_imports(module, ast.parse(SOURCES[module].read_text(encoding="utf-8"))))
+
+
+def _imports(module: str, tree: ast.Module) -> Iterator[str]:
+    package = module if SOURCES[module].name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*above, *([base] if base else [])])
+            yield base
+            yield from (f"{base}.{alias.name}" for alias in node.names if f"{base}.{alias.name}" in SOURCES)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("import_module", "__import__"):
+            raise AssertionError(f"{module} imports by name: {ast.unparse(node)}")
+
+
+def roots(module: str) -> set[str]:
+    return {name.partition(".")[0] for name in imports(module)}
+
+
+def importers(library: str) -> set[str]:
+    return {module for module in SOURCES if library in roots(module)}
+
+
+def room(name: str) -> list[str]:
+    return [module for module in SOURCES if module.partition(".")[0] == name]
+
+
+def reach(module: str) -> set[str]:
+    """The modules of ours that a module imports, itself or through others."""
+    found: set[str] = set()
+    todo = [module]
+    while todo:
+        for name in imports(todo.pop()) & SOURCES.keys() - found:
+            found.add(name)
+            todo.append(name)
+    return found
+
+
+def test_the_sources_are_here() -> None:
+    assert {module.partition(".")[0] for module in SOURCES} == set(ROOMS)
+    assert {"planner.plan", "planner.verify", "drives.drive", "api.app"} <= SOURCES.keys()
+
+
+@pytest.mark.parametrize(
+    ("library", "module"),
+    [("ompl", "planner.search"), ("toppra", "planner.time_law"), ("ruckig", "planner.time_law")],
+)
+def test_a_library_stays_behind_one_door(library: str, module: str) -> None:
+    assert importers(library) == {module}
+
+
+@pytest.mark.parametrize("module", room("drives"))
+def test_drives_know_arrays_and_themselves_only(module: str) -> None:
+    assert roots(module) - sys.stdlib_module_names <= {"drives", "numpy", "numba"}
+
+
+@pytest.mark.parametrize("module", room("planner"))
+def test_planner_knows_nothing_of_http(module: str) -> None:
+    assert not roots(module) & {"api", "fastapi", "pydantic", "starlette", "uvicorn", "orjson"}
+
+
+@pytest.mark.parametrize("module", room("planner"))
+def test_planner_knows_no_drive_by_name(module: str) -> None:
+    """A new drive needs no edit here: everything goes through the contract. warm_up is an example, not a use."""
+    contract = {"drives", "drives.drive", "drives.se2", "drives.wheel"}
+    assert {name for name in imports(module) if name.partition(".")[0] == "drives"} <= contract
+    if module != "planner.plan":
+        assert "drives" not in imports(module)
+
+
+def test_verify_shares_nothing_with_what_it_checks() -> None:
+    makers = {f"planner.{name}" for name in ("time_law", "path", "search", "shorten", "connect", "plan")}
+    assert not imports("planner.verify") & makers
+    assert not reach("planner.verify") & makers
+
+
+def test_problem_and_errors_know_drives_only() -> None:
+    for module in ("planner.problem", "planner.errors"):
+        assert all(name.partition(".")[0] == "drives" for name in reach(module))
+
+
+def test_modules_do_not_import_each_other_in_a_circle() -> None:
+    for module in SOURCES:
+        if not SOURCES[module].name == "__init__.py":
+            assert module not in reach(module), module

@@ -1,0 +1,282 @@
+"""Whole edges against the world: what is valid is valid everywhere, and what fits gets through."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+
+from drives.se2 import Array, Pose, Twist, compose, exp
+from planner.environment import (
+    CollisionWorld,
+    linear_free,
+    pose_clearance_at_least,
+    pose_free,
+    twist_free,
+    warm_up,
+)
+from planner.problem import Bounds, Circle, Environment, Footprint, MapLayer, Polygon
+
+ROOM = Bounds(-5.0, -4.0, 5.0, 4.0)
+ORIGIN = Pose(0.0, 0.0, 0.0)
+FORK = np.array(
+    [[-0.3, -0.3], [0.6, -0.3], [0.6, -0.2], [-0.1, -0.2], [-0.1, 0.2], [0.6, 0.2], [0.6, 0.3], [-0.3, 0.3]]
+)
+
+
+def rectangle(length: float, width: float, offset: float = 0.0) -> Footprint:
+    x, y = length / 2, width / 2
+    return Footprint(np.array([[offset - x, -y], [offset + x, -y], [offset + x, y], [offset - x, y]]))
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+    return Polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=np.float64))
+
+
+def gap(width: float, length: float = 1.0) -> Environment:
+    """A wall across the room with a passage along y = 0."""
+    return Environment(
+        ROOM, (box(-length / 2, -4, length / 2, -width / 2), box(-length / 2, width / 2, length / 2, 4))
+    )
+
+
+def turned(environment: Environment, angle: float) -> Environment:
+    """The same obstacles turned about the origin, in bounds large enough."""
+    c, s = math.cos(angle), math.sin(angle)
+    obstacles = tuple(Polygon(o.vertices @ np.array([[c, s], [-s, c]])) for o in environment.obstacles)  # type: ignore[union-attr]
+    return Environment(Bounds(-9, -9, 9, 9), obstacles)
+
+
+def on_line(a: Pose, b: Pose, samples: int) -> Array:
+    return np.linspace(a, b, samples)
+
+
+def on_arc(a: Pose, twist: Twist, samples: int) -> Array:
+    return np.array([compose(a, exp(Twist(*(u * v for v in twist)))) for u in np.linspace(0, 1, samples)])
+
+
+def overlap(environment: Environment, footprint: Footprint, poses: Array) -> bool:
+    """Whether any of the footprints meets an obstacle or leaves the bounds, by shapely."""
+    c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+    x, y = footprint.vertices.T
+    bodies = shapely.polygons(
+        np.stack([poses[:, :1] + c * x - s * y, poses[:, 1:2] + s * x + c * y], axis=-1)
+    )
+    bounds = environment.bounds
+    assert bounds is not None
+    room = shapely.box(bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max)
+    if not shapely.contains_properly(room, bodies).all():
+        return True
+    for o in environment.obstacles:
+        if isinstance(o, Circle):
+            if (shapely.distance(bodies, shapely.Point(o.x, o.y)) <= o.radius).any():
+                return True
+        elif shapely.intersects(bodies, shapely.Polygon(o.vertices)).any():
+            return True
+    return False
+
+
+CLUTTER = Environment(
+    ROOM,
+    (
+        box(-1.5, 0.8, 1.5, 1.0),
+        Circle(0.8, -0.9, 0.3),
+        Circle(-1.2, -0.6, 1e-4),
+        box(2.2, -2, 2.3, 2.5),
+        Polygon(np.array([[-3.0, -2.5], [-1.5, -2.0], [-2.6, -1.9], [-2.4, 0.5]])),
+        box(-0.5, -3.0, 1.5, -2.9),
+    ),
+)
+WORLDS = [(f, CollisionWorld.build(CLUTTER, f)) for f in (rectangle(1.2, 0.6, 0.4), Footprint(FORK))]
+coordinate = st.floats(-3.5, 3.5)
+poses = st.builds(Pose, coordinate, coordinate, st.floats(-4, 4))
+
+
+@given(st.sampled_from(WORLDS), poses, st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3), st.booleans())
+@settings(max_examples=600, deadline=None, derandomize=True)
+def test_an_edge_is_valid_exactly_where_all_of_it_is_free(
+    case: tuple[Footprint, CollisionWorld], a: Pose, x: float, y: float, turn: float, arc: bool
+) -> None:
+    footprint, world = case
+    if arc:
+        valid, path = world.twist_free(a, Twist(x, y, turn)), on_arc(a, Twist(x, y, turn), 400)
+    else:
+        b = Pose(a.x + x, a.y + y, a.theta + turn)
+        valid, path = world.linear_free(a, b), on_line(a, b, 400)
+    if valid:
+        assert not overlap(CLUTTER, footprint, path)
+    else:
+        # no point of the footprint moves as far as this from one sample to the next
+        assert world.clearance(path).min() < (math.hypot(x, y) + 1.1 * abs(turn)) / 399 + 2e-5
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, math.pi / 3])
+@pytest.mark.parametrize(
+    "footprint", [rectangle(1.2, 0.6, 0.4), Footprint(np.zeros((1, 2)), 0.3), Footprint(FORK)]
+)
+def test_a_passage_a_tenth_of_a_millimetre_wider_on_each_side_is_passed_and_a_narrower_one_is_not(
+    footprint: Footprint, angle: float
+) -> None:
+    c, s = math.cos(angle), math.sin(angle)
+    a, b = Pose(-3 * c, -3 * s, angle), Pose(3 * c, 3 * s, angle)
+    wide = CollisionWorld.build(turned(gap(0.6 + 2e-4), angle), footprint)
+    assert wide.linear_free(a, b)
+    assert wide.twist_free(a, Twist(6, 0, 0))
+    assert wide.twist_free(b, Twist(-6, 0, 0))
+    narrow = CollisionWorld.build(turned(gap(0.6 - 1e-6), angle), footprint)
+    assert not narrow.linear_free(a, b)
+    assert not narrow.twist_free(a, Twist(6, 0, 0))
+
+
+def test_min_clearance_narrows_a_passage_by_itself_on_each_side() -> None:
+    a, b = Pose(-3, 0, 0), Pose(3, 0, 0)
+    assert CollisionWorld.build(gap(0.8 + 2e-4), rectangle(1.2, 0.6), 0.1).linear_free(a, b)
+    assert not CollisionWorld.build(gap(0.8 - 1e-6), rectangle(1.2, 0.6), 0.1).linear_free(a, b)
+
+
+def test_a_wall_a_micrometre_thin_is_never_tunnelled_through() -> None:
+    wall = Environment(ROOM, (box(0, -4, 1e-6, 4),))
+    world = CollisionWorld.build(wall, rectangle(0.05, 3.0))
+    assert not world.linear_free(Pose(-2, 0, 0), Pose(2, 0, 0))
+    assert not world.linear_free(Pose(-2, 0, 0), Pose(2, 0, 40 * math.pi))
+    assert not world.twist_free(Pose(-2, 0, 0), Twist(4, 0, 0))
+
+
+@given(st.floats(0.2, 1.9), st.floats(-math.pi, math.pi), st.sampled_from([-1, 1]))
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_a_pin_in_the_way_of_a_turning_bar_is_hit(distance: float, angle: float, way: int) -> None:
+    pin = Circle(distance * math.cos(angle), distance * math.sin(angle), 1e-6)
+    world = CollisionWorld.build(Environment(ROOM, (pin,)), rectangle(4.0, 0.01))
+    start = angle + 0.2 * way
+    assert world.linear_free(Pose(0, 0, start), Pose(0, 0, start + 2.7 * way))  # stops short of it
+    assert not world.linear_free(Pose(0, 0, start), Pose(0, 0, start + 3.0 * way))
+    assert not world.twist_free(Pose(0, 0, start), Twist(0, 0, 3.0 * way))
+
+
+def test_a_graze_between_two_free_ends_is_seen_though_it_starts_out_along_the_wall() -> None:
+    # The tip runs on a circle of 1.9 m, straight past a block whose corner, 0.08 m on, reaches into that circle.
+    tip = Footprint(np.array([[1.9, 0.0], [2.1, -0.1], [2.1, 0.1]]))
+    for x, fits in ((1.898, True), (1.899, False)):
+        world = CollisionWorld.build(Environment(ROOM, (box(1.0, -0.08, x, 0.08),)), tip)
+        assert world.linear_free(ORIGIN, Pose(0, 0, 0.3)) is fits
+        assert world.twist_free(ORIGIN, Twist(0, 0, 0.3)) is fits
+    # Held at one heading, the footprint goes once round a circle of 0.02 m and comes back.
+    for y, fits in ((0.1401, True), (0.1399, False)):
+        world = CollisionWorld.build(
+            Environment(ROOM, (box(-1, y, 1, 1),)), rectangle(1.0, 0.2), fixed_heading=0.0
+        )
+        assert world.twist_free(ORIGIN, Twist(0.04 * math.pi, 0, 2 * math.pi)) is fits
+
+
+def test_a_square_turns_on_the_spot_exactly_where_its_diagonal_fits() -> None:
+    for slack, fits in ((2e-4, True), (-2e-4, False)):
+        half = math.sqrt(0.5) + slack
+        world = CollisionWorld.build(Environment(Bounds(-half, -half, half, half)), rectangle(1, 1))
+        assert world.is_free(ORIGIN)
+        assert world.linear_free(ORIGIN, Pose(0, 0, 2 * math.pi)) is fits
+        assert world.twist_free(ORIGIN, Twist(0, 0, -math.pi / 2)) is fits
+
+
+def test_an_arc_clears_or_touches_what_stands_inside_and_outside_it() -> None:
+    # About (0, 2) the rectangle's near side runs at radius 2 - 0.3, its far corners at hypot(2.3, 0.5).
+    for slack, fits in ((2e-4, True), (-2e-4, False)):
+        inside = CollisionWorld.build(Environment(ROOM, (Circle(0, 2, 1.7 - slack),)), rectangle(1, 0.6))
+        start = compose(Pose(0, 2, 0.5), Pose(0, -2, 0))
+        assert inside.twist_free(start, Twist(2.0, 0, 1.0)) is fits
+        below = Environment(ROOM, (box(-4, -3, 4, 2 - math.hypot(2.3, 0.5) - slack),))
+        start = compose(Pose(0, 2, -0.6), Pose(0, -2, 0))
+        assert CollisionWorld.build(below, rectangle(1, 0.6)).twist_free(start, Twist(2.4, 0, 1.2)) is fits
+
+
+def test_theta_is_taken_as_given_and_not_wrapped() -> None:
+    post = Environment(ROOM, (Circle(1.0, 0.0, 0.1),))
+    world = CollisionWorld.build(post, rectangle(2.4, 0.2))
+    assert world.linear_free(Pose(0, 0, 0.3), Pose(0, 0, math.pi - 0.3))
+    assert not world.linear_free(Pose(0, 0, 0.3), Pose(0, 0, -math.pi - 0.3))
+
+
+def test_with_a_fixed_heading_the_footprint_slides_along_an_arc_unturned() -> None:
+    footprint, a, twist = (
+        rectangle(1.0, 0.2),
+        Pose(-2.0, 0.5, math.pi / 2),
+        Twist(math.pi / 2, 0, -math.pi / 2),
+    )
+    tops = Environment(ROOM, (box(-5, 1.7, 5, 4), box(-5, -4, 5, 0.3)))  # the origin rises from 0.5 to 1.5
+    held = CollisionWorld.build(tops, footprint, fixed_heading=0.0)
+    assert held.twist_free(a, twist)
+    assert not CollisionWorld.build(tops, footprint).twist_free(a, twist)
+    assert held.linear_free(Pose(-2, 0.5, 0), Pose(2, 0.5, 9.0))
+    assert not held.linear_free(Pose(-2, 0.5, 0), Pose(2, 0.39, 0))
+    low = CollisionWorld.build(Environment(ROOM, (box(-5, 1.599, 5, 4),)), footprint, fixed_heading=0.0)
+    assert not low.twist_free(a, twist)
+
+
+def test_a_turned_map_is_crossed_through_its_own_passage(tmp_path: Path) -> None:
+    cells = np.zeros((60, 100), dtype=np.int8)
+    cells[:, 48:52] = 1
+    cells[20:26, 48:52] = 0  # 0.6 m
+    np.save(tmp_path / "cells.npy", cells)
+    layer = MapLayer("passage", tmp_path, 0.1, Pose(2.0, 1.0, 0.7))
+    a, b = (compose(layer.origin, Pose(x, 2.3, 0.0)) for x in (2.0, 8.0))
+    fits = CollisionWorld.build(Environment(map=layer), rectangle(1.0, 0.6 - 2e-4))
+    assert fits.linear_free(a, b)
+    assert fits.twist_free(a, Twist(6, 0, 0))
+    assert not fits.linear_free(a, compose(b, Pose(0, 2e-4, 0)))
+    assert not CollisionWorld.build(Environment(map=layer), rectangle(1.0, 0.6 + 1e-6)).linear_free(a, b)
+
+
+def test_a_polyline_names_its_first_bad_edge() -> None:
+    world = CollisionWorld.build(gap(1.0), rectangle(0.8, 0.6))
+    way = np.array([[-3, 0, 0], [0, 0, 0], [3, 0, 0], [3, 1, 0], [-3, 1, 0]], dtype=np.float64)
+    assert world.polyline_free(way) == 3
+    assert world.polyline_free(way[:4]) == -1
+    assert world.polyline_free(way[:1]) == -1
+    assert world.polyline_free(way[::-1]) == 0
+
+
+@given(st.sampled_from(WORLDS), poses)
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_an_edge_of_no_length_is_valid_where_its_pose_is_free(
+    case: tuple[Footprint, CollisionWorld], pose: Pose
+) -> None:
+    world = case[1]
+    assert world.linear_free(pose, pose) == world.is_free(pose)
+    assert world.twist_free(pose, Twist(0, 0, 0)) == world.is_free(pose)
+
+
+@pytest.mark.parametrize("wild", [1e6, 1e300, -1e308, math.inf, math.nan])
+def test_wild_edges_end_and_are_refused(wild: float) -> None:
+    world = WORLDS[0][1]
+    free = Pose(-3.5, 2.5, 0.0)
+    assert world.is_free(free)
+    assert not world.linear_free(free, Pose(wild, 0, 0))
+    assert not world.linear_free(Pose(0, wild, 0), free)
+    assert not world.twist_free(free, Twist(wild, 0, 0))
+    assert not world.twist_free(free, Twist(1, 0, wild))
+    assert not world.linear_free(free, Pose(-3.5, 2.5, wild))
+
+
+def test_kernels_compose_in_compiled_code_and_agree_with_the_methods() -> None:
+    warm_up()
+    answer: Callable[[Array], int] = njit(_compose)
+    world = WORLDS[0][1]
+    assert answer(world.kernel) == 1 + 2 * 0 + 4 + 8
+    assert world.is_free(Pose(-3.5, 2.5, 0.0))
+    assert not world.linear_free(Pose(-3.5, 2.5, 0.0), Pose(3.5, 2.5, 0.0)) or world.is_free(
+        Pose(3.5, 2.5, 0.0)
+    )
+
+
+def _compose(world: Array) -> int:
+    found = 1 if pose_free(world, -3.5, 2.5, 0.0) else 0
+    found += 2 if linear_free(world, -3.5, 2.5, 0.0, -3.5, -3.5, 0.0) else 0
+    found += 4 if twist_free(world, -3.5, 2.5, 0.0, 1.0, 0.0, 0.1) else 0
+    found += 8 if pose_clearance_at_least(world, -3.5, 2.5, 0.0, 0.5) else 0
+    return found

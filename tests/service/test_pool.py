@@ -1,0 +1,270 @@
+"""The pool of workers, with functions that sleep, fail, hang and die in the planner's place."""
+
+import asyncio
+import math
+import operator
+import os
+import signal
+import time
+
+import pytest
+
+from api.errors import Refusal
+from api.workers import Pool
+
+HANG = (sum, range(10**12))
+"""Never ends, and never lets go of the interpreter's lock."""
+
+
+def run(promise, size=1, queue_length=10, **more):
+    """Runs an async test against a pool that is up."""
+
+    async def main():
+        pool = Pool(size, queue_length, **more)
+        pool.start()
+        try:
+            await until(lambda: pool.live == size)
+            async with asyncio.timeout(30):
+                await promise(pool)
+        finally:
+            await pool.close()
+
+    asyncio.run(main())
+
+
+async def until(condition, within=20.0):
+    async with asyncio.timeout(within):
+        while not condition():
+            await asyncio.sleep(0.005)
+
+
+async def refusal(awaitable):
+    with pytest.raises(Refusal) as caught:
+        await awaitable
+    return caught.value.code
+
+
+def gone(pid):
+    try:
+        return open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def test_a_job_returns_what_its_function_returns():
+    async def promise(pool):
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        assert await pool.run(os.getpid, deadline=5) != os.getpid()
+        assert len(await pool.run(bytes, 30_000_000, deadline=5)) == 30_000_000
+
+    run(promise)
+
+
+def test_a_job_raises_what_its_function_raises_with_the_workers_traceback_in_a_note():
+    async def promise(pool):
+        with pytest.raises(ValueError, match="math domain error") as caught:
+            await pool.run(math.sqrt, -1, deadline=5)
+        assert "Traceback" in caught.value.__notes__[0]
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        assert pool.restarts == 0
+
+    run(promise)
+
+
+def test_a_result_that_cannot_travel_is_an_error_of_that_job_alone():
+    async def promise(pool):
+        with pytest.raises(Exception, match="pickle"):
+            await pool.run(operator.attrgetter, deadline=5)
+        with pytest.raises(Exception, match="pickle"):
+            await pool.run(memoryview, b"x", deadline=5)
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+
+    run(promise)
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        (os.abort,),
+        (os._exit, 0),
+        (signal.raise_signal, signal.SIGKILL),
+        (signal.raise_signal, signal.SIGSEGV),
+    ],
+)
+def test_a_job_that_kills_its_process_is_told_so_and_the_next_one_runs(job):
+    async def promise(pool):
+        assert await refusal(pool.run(*job, deadline=5)) == "worker-crashed"
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        assert pool.restarts == 1
+
+    run(promise)
+
+
+def test_a_crash_costs_its_neighbours_nothing():
+    async def promise(pool):
+        neighbours = [asyncio.create_task(pool.run(time.sleep, 0.5, deadline=5)) for _ in range(2)]
+        await asyncio.sleep(0.1)
+        assert await refusal(pool.run(os.abort, deadline=5)) == "worker-crashed"
+        assert await asyncio.gather(*neighbours) == [None, None]
+
+    run(promise, size=3)
+
+
+@pytest.mark.parametrize("job", [(time.sleep, 60), HANG], ids=["sleeps", "holds-the-lock"])
+def test_a_job_that_overruns_its_deadline_is_killed_and_the_next_one_runs(job):
+    async def promise(pool):
+        pid = await pool.run(os.getpid, deadline=5)
+        began = time.monotonic()
+        assert await refusal(pool.run(*job, deadline=0.3)) == "deadline-exceeded"
+        assert time.monotonic() - began < 0.8
+        assert await pool.run(os.getpid, deadline=5) != pid
+        assert gone(pid)
+
+    run(promise)
+
+
+def test_the_deadline_does_not_count_the_wait_in_the_queue():
+    async def promise(pool):
+        first = asyncio.create_task(pool.run(time.sleep, 0.6, deadline=5))
+        await asyncio.sleep(0.05)
+        assert await pool.run(operator.add, 1, 2, deadline=0.3) == 3
+        await first
+
+    run(promise)
+
+
+@pytest.mark.parametrize("job", [(time.sleep, 60), HANG], ids=["sleeps", "holds-the-lock"])
+def test_a_caller_who_leaves_frees_the_worker_within_half_a_second(job):
+    async def promise(pool):
+        task = asyncio.create_task(pool.run(*job, deadline=60))
+        await asyncio.sleep(0.2)
+        task.cancel()
+        began = time.monotonic()
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        assert time.monotonic() - began < 0.5
+
+    run(promise)
+
+
+def test_a_caller_who_leaves_the_queue_is_never_served():
+    async def promise(pool):
+        first = asyncio.create_task(pool.run(time.sleep, 0.4, deadline=5))
+        await asyncio.sleep(0.05)
+        second = asyncio.create_task(pool.run(time.sleep, 60, deadline=60))
+        await asyncio.sleep(0.05)
+        assert pool.queued == 1
+        second.cancel()
+        await asyncio.sleep(0.05)
+        assert pool.queued == 0
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        await first
+        assert pool.restarts == 0
+
+    run(promise)
+
+
+def test_jobs_are_done_first_come_first_served():
+    async def promise(pool):
+        order = []
+
+        async def job(i):
+            await pool.run(time.sleep, 0.01, deadline=5)
+            order.append(i)
+
+        await asyncio.gather(*(job(i) for i in range(8)))
+        assert order == list(range(8))
+
+    run(promise)
+
+
+@pytest.mark.parametrize("queue_length", [0, 2])
+def test_a_full_queue_refuses_at_once_and_takes_jobs_again_when_there_is_room(queue_length):
+    async def promise(pool):
+        # All in one breath, before any worker has taken its job.
+        taken = [asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5)) for _ in range(2 + queue_length)]
+        await asyncio.sleep(0)
+        assert await refusal(pool.run(time.sleep, 0.3, deadline=5)) == "overloaded"
+        await asyncio.sleep(0.1)
+        assert await refusal(pool.run(time.sleep, 0.3, deadline=5)) == "overloaded"
+        assert pool.queued == queue_length
+        assert pool.shed == 2
+        await asyncio.gather(*taken)
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+
+    run(promise, size=2, queue_length=queue_length)
+
+
+def test_a_worker_that_dies_idle_costs_no_request():
+    async def promise(pool):
+        for _ in range(3):
+            pid = await pool.run(os.getpid, deadline=5)
+            os.kill(pid, signal.SIGKILL)
+            await until(lambda pid=pid: gone(pid))
+            assert await pool.run(os.getpid, deadline=5) != pid
+
+    run(promise)
+
+
+def test_draining_lets_jobs_finish_and_takes_no_new_ones():
+    async def promise(pool):
+        running = [asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5)) for _ in range(2)]
+        await asyncio.sleep(0.05)
+        drained = asyncio.create_task(pool.drain(10))
+        await asyncio.sleep(0.05)
+        assert await refusal(pool.run(operator.add, 1, 2, deadline=5)) == "draining"
+        assert not pool.ready
+        await drained
+        assert await asyncio.gather(*running) == [None, None]
+
+    run(promise)
+
+
+def test_draining_ends_with_its_grace():
+    async def promise(pool):
+        running = asyncio.create_task(pool.run(*HANG, deadline=60))
+        await asyncio.sleep(0.05)
+        await pool.drain(0.2)
+        assert await refusal(running) == "draining"
+
+    run(promise)
+
+
+def test_closing_leaves_no_process_even_if_it_holds_the_lock():
+    pids = []
+
+    async def promise(pool):
+        pids.extend({await pool.run(os.getpid, deadline=5)})
+        task = asyncio.create_task(pool.run(*HANG, deadline=60))
+        await asyncio.sleep(0.1)
+        task.cancel()
+        pids.extend({await pool.run(os.getpid, deadline=5)})
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(asyncio.shield(pool.run(*HANG, deadline=60)), 0.1)
+
+    run(promise)
+    assert len(pids) == 2
+    assert all(gone(pid) for pid in pids)
+
+
+def test_a_worker_that_cannot_import_the_planner_never_counts_as_ready():
+    async def main():
+        pool = Pool(1, 1, preload=["no_such_module"])
+        pool.start()
+        await asyncio.sleep(1.5)
+        assert not pool.ready
+        assert await refusal(pool.run(operator.add, 1, 2, deadline=5)) == "draining"
+        await pool.close()
+
+    asyncio.run(main())
+
+
+def test_handing_a_job_over_costs_less_than_a_millisecond():
+    async def promise(pool):
+        times = []
+        for _ in range(200):
+            began = time.perf_counter()
+            await pool.run(operator.add, 1, 2, deadline=5)
+            times.append(time.perf_counter() - began)
+        assert sorted(times)[100] < 1e-3
+
+    run(promise)

@@ -1,0 +1,298 @@
+"""A real `wheelplan serve` with real workers: probes, plans, crashes, leaving clients, shutdown, orphans."""
+
+import contextlib
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+QUICK = {
+    "robot": {
+        "drive": {"type": "omni", "wheel_radius": 0.05, "robot_radius": 0.2},
+        "footprint": {"type": "circle", "radius": 0.25},
+        "limits": {"wheel_speed": 20.0, "wheel_acceleration": 20.0},
+    },
+    "start": {"x": 0.0, "y": 0.0, "theta": 0.0},
+    "goal": {"x": 2.0, "y": 1.0, "theta": 0.5},
+    "environment": {"bounds": {"x_min": -5, "y_min": -5, "x_max": 5, "y_max": 5}},
+    "options": {"effort": "first"},
+}
+OBSTACLES = [{"type": "circle", "center": [x, y], "radius": 0.4} for x in (1, 2.5) for y in (-3, -1, 1, 3)]
+
+
+def slow(seconds):
+    """A request that takes the whole of its time budget."""
+    return {
+        **QUICK,
+        "goal": {"x": 4.0, "y": 0.5, "theta": 1.0},
+        "environment": {**QUICK["environment"], "obstacles": OBSTACLES},
+        "options": {"effort": "best", "time_budget": seconds},
+    }
+
+
+class Server:
+    def __init__(self, data_dir, **settings):
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.port = free.getsockname()[1]
+        given = {f"WHEELPLAN_{name.upper()}": str(value) for name, value in settings.items()}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "api.cli", "serve", "--port", str(self.port)],
+            cwd=ROOT,
+            env=os.environ | {"WHEELPLAN_DATA_DIR": str(data_dir)} | given,
+            stderr=subprocess.PIPE,
+        )
+        self.log = []
+        threading.Thread(target=lambda: self.log.extend(self.process.stderr), daemon=True).start()
+
+    def call(self, path, body=None, timeout=60.0, method=None):
+        """(status, headers, body) of one request."""
+        data = None if body is None else json.dumps(body).encode()
+        headers = {"Content-Type": "application/json"}
+        request = urllib.request.Request(f"http://127.0.0.1:{self.port}{path}", data, headers, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=timeout) as answer:
+                return answer.status, answer.headers, answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, error.headers, error.read()
+
+    def ready(self):
+        with contextlib.suppress(OSError):
+            return self.call("/readyz")[0] == 200
+        return False
+
+    def metric(self, name):
+        for line in self.call("/metrics")[2].decode().splitlines():
+            if line.startswith(name + " "):
+                return float(line.split()[1])
+        raise KeyError(name)
+
+    def open(self, body):
+        """A connection that has sent a plan request."""
+        data = json.dumps(body).encode()
+        head = f"POST /v1/plans HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: {len(data)}"
+        connection = socket.create_connection(("127.0.0.1", self.port), timeout=60)
+        connection.sendall(head.encode() + b"\r\n\r\n" + data)
+        return connection
+
+    def end(self):
+        for pid in [self.process.pid, *descendants(self.process.pid)]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.process.wait()
+
+
+def stat(pid):
+    """(state, parent, CPU time in ticks) of a process."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return fields[0], int(fields[1]), int(fields[11]) + int(fields[12])
+
+
+def descendants(root):
+    parents = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                parents[int(entry.name)] = stat(entry.name)[1]
+    found, grown = {root}, True
+    while grown:
+        more = {pid for pid, parent in parents.items() if parent in found} - found
+        grown = bool(more)
+        found |= more
+    return found - {root}
+
+
+def alive(pid):
+    try:
+        return stat(pid)[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def busiest(server):
+    """The process of the service that works hardest right now: a worker that plans."""
+    before = {pid: stat(pid)[2] for pid in descendants(server.process.pid)}
+    time.sleep(0.3)
+    return max(before, key=lambda pid: stat(pid)[2] - before[pid] if alive(pid) else -1)
+
+
+def until(condition, within=60.0):
+    began = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began < within
+        time.sleep(0.02)
+
+
+@contextlib.contextmanager
+def serving(data_dir, **settings):
+    server = Server(data_dir, **settings)
+    try:
+        until(lambda: server.ready() or server.process.poll() is not None, 300)
+        assert server.process.poll() is None, b"".join(server.log)
+        yield server
+    finally:
+        server.end()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    with serving(tmp_path_factory.mktemp("data"), workers=2) as server:
+        yield server
+
+
+def in_background(function, *args):
+    results = []
+    thread = threading.Thread(target=lambda: results.append(function(*args)))
+    thread.start()
+
+    def join():
+        thread.join()
+        return results[0]
+
+    return join
+
+
+def test_a_plan_is_made_and_the_same_seed_makes_it_again(server):
+    status, headers, body = server.call("/v1/plans", QUICK)
+    assert status == 200, body
+    assert headers["x-request-id"]
+    again = json.loads(server.call("/v1/plans", QUICK)[2])
+    plan = json.loads(body)
+    assert plan["schedule"] == again["schedule"]
+    assert plan["duration"] > 0
+
+
+def test_probes_are_answered_at_once_while_every_worker_plans(server):
+    joins = [in_background(server.call, "/v1/plans", slow(2.0)) for _ in range(2)]
+    time.sleep(0.3)
+    times = []
+    for _ in range(20):
+        began = time.perf_counter()
+        assert server.call("/livez")[0] == 200
+        times.append(time.perf_counter() - began)
+        time.sleep(0.02)
+    assert sorted(times)[10] < 0.05
+    assert [join()[0] for join in joins] == [200, 200]
+
+
+def test_a_worker_that_is_killed_fails_its_own_request_alone(server):
+    restarts = server.metric("wheelplan_worker_restarts_total")
+    victim_of = in_background(server.call, "/v1/plans", slow(5.0))
+    time.sleep(0.3)
+    os.kill(busiest(server), signal.SIGKILL)
+    other = server.call("/v1/plans", QUICK)
+    status, _, body = victim_of()
+    assert (status, json.loads(body)["code"]) == (500, "worker-crashed")
+    assert other[0] == 200
+    assert server.call("/v1/plans", QUICK)[0] == 200
+    assert server.metric("wheelplan_worker_restarts_total") == restarts + 1
+
+
+def test_a_client_who_leaves_frees_its_worker_within_half_a_second(server):
+    restarts = server.metric("wheelplan_worker_restarts_total")
+    connections = [server.open(slow(20.0)) for _ in range(2)]
+    time.sleep(0.5)
+    began = time.monotonic()
+    for connection in connections:
+        connection.close()
+    until(lambda: server.metric("wheelplan_worker_restarts_total") == restarts + 2, 0.5)
+    assert server.call("/v1/plans", QUICK)[0] == 200
+    assert time.monotonic() - began < 2
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+def test_a_client_who_sends_too_much_is_told_so(server, chunked):
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+        head = b"POST /v1/plans HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+        size = 3 << 20
+        length = b"Transfer-Encoding: chunked" if chunked else b"Content-Length: %d" % size
+        connection.sendall(head + length + b"\r\n\r\n")
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            for _ in range(size >> 14):
+                piece = b" " * (1 << 14)
+                connection.sendall(b"%x\r\n%s\r\n" % (len(piece), piece) if chunked else piece)
+        for expected in (413, 200):  # and the connection is good for another request
+            answer = http.client.HTTPResponse(connection)
+            answer.begin()
+            assert answer.status == expected
+            answer.read()
+            connection.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
+
+
+def test_a_full_queue_answers_429_with_a_time_to_come_back(tmp_path):
+    with serving(tmp_path, workers=1, queue_length=1) as server:
+        joins = [in_background(server.call, "/v1/plans", slow(2.0)) for _ in range(2)]
+        time.sleep(0.5)
+        status, headers, body = server.call("/v1/plans", QUICK)
+        assert (status, json.loads(body)["code"]) == (429, "overloaded")
+        assert int(headers["retry-after"]) >= 1
+        assert [join()[0] for join in joins] == [200, 200]
+        assert server.metric("wheelplan_shed_total") == 1
+
+
+@pytest.mark.parametrize("sig", [signal.SIGTERM, signal.SIGINT])
+def test_a_shutdown_finishes_the_plans_in_flight_and_leaves_nothing_behind(tmp_path, sig):
+    with serving(tmp_path, workers=2) as server:
+        family = descendants(server.process.pid)
+        in_flight = in_background(server.call, "/v1/plans", slow(2.0))
+        time.sleep(0.5)
+        server.process.send_signal(sig)
+        time.sleep(0.2)
+        status, _, body = server.call("/readyz")
+        assert (status, json.loads(body)["code"]) == (503, "draining")
+        status, headers, body = server.call("/v1/plans", QUICK)
+        assert (status, json.loads(body)["code"]) == (503, "draining")
+        assert headers["retry-after"]
+        assert server.call("/livez")[0] == 200
+        assert in_flight()[0] == 200
+        assert server.process.wait(10) == 0
+        until(lambda: not any(map(alive, family)), 3)
+
+
+def test_an_idle_service_shuts_down_at_once(tmp_path):
+    with serving(tmp_path, workers=1) as server:
+        family = descendants(server.process.pid)
+        server.process.terminate()
+        assert server.process.wait(3) == 0
+        until(lambda: not any(map(alive, family)), 3)
+
+
+def test_a_plan_that_outlasts_the_grace_is_refused_and_the_service_ends(tmp_path):
+    with serving(tmp_path, workers=1, drain_grace=0.5) as server:
+        in_flight = in_background(server.call, "/v1/plans", slow(20.0))
+        time.sleep(0.5)
+        server.process.terminate()
+        status, _, body = in_flight()
+        assert (status, json.loads(body)["code"]) == (503, "draining")
+        assert server.process.wait(5) == 0
+
+
+def test_a_service_that_is_killed_leaves_no_process_behind(tmp_path):
+    with serving(tmp_path, workers=2) as server:
+        family = descendants(server.process.pid)
+        assert len(family) >= 3
+        connection = server.open(slow(20.0))  # one worker is busy, one is idle
+        time.sleep(0.5)
+        server.process.kill()
+        server.process.wait()
+        until(lambda: not any(map(alive, family)), 2)
+        connection.close()
+
+
+def test_a_port_in_use_ends_the_service_with_a_reason(server, tmp_path):
+    env = os.environ | {"WHEELPLAN_DATA_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "api.cli", "serve", "--port", str(server.port)]
+    done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, timeout=30)
+    assert done.returncode != 0
+    assert b"address already in use" in done.stderr
