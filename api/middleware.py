@@ -84,8 +84,8 @@ class Envelope:
 
 
 class _Body:
-    """The request's body, which may be refused before it has been read. Then the rest is thrown away first: uvicorn
-    would not serve this connection again, and a client that is still sending might never see the answer."""
+    """The request's body, which may be refused before it has been read. Then the rest is thrown away first:
+    uvicorn would not serve this connection again, and a client still sending might never see the answer."""
 
     def __init__(self, receive: Receive, pending: bool) -> None:
         self.pending = pending

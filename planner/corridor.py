@@ -1,4 +1,5 @@
-"""Room to move: half-planes that keep discs over the footprint clear of the obstacle nearest to each, compiled."""
+"""Room to move: half-planes that keep discs over the footprint clear of the obstacle nearest to each,
+compiled."""
 
 from __future__ import annotations
 
@@ -34,11 +35,12 @@ _SPARE = 0.005
 
 @kernel
 def half_planes(world: World, poses: Array, relaxed: bool) -> Array:
-    """Planes (n, k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m, world frame).
+    """Planes (n, k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m,
+    world frame).
 
     The point (x, y) of the body keeps clear of the obstacle nearest to its disc where n·point >= d. Where
-    `relaxed`, planes that the pose itself does not keep to are moved to where it does. For a footprint that keeps
-    its heading the point is the origin.
+    `relaxed`, planes that the pose itself does not keep to are moved to where it does. For a footprint
+    that keeps its heading the point is the origin.
     """
     first, last = int(world[DISCS]), int(world[WALLS])
     count = (last - first) // 4
@@ -77,7 +79,8 @@ def half_planes(world: World, poses: Array, relaxed: bool) -> Array:
 
 @kernel
 def _nearest_foot(world: World, x: float, y: float) -> tuple[float, float, float, float]:
-    """Distance from a point to the nearest boundary, the point of its segment it is measured to, its radius."""
+    """Distance from a point to the nearest boundary, the point of its segment it is measured to, its
+    radius."""
     best, px, py, thick = np.inf, x, y, 0.0
     i, stop = int(world[SOLIDS]), int(world[FIELD])
     while i < stop:

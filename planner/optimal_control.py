@@ -1,11 +1,12 @@
-"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. The only file
-that imports casadi.
+"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. The
+only file that imports casadi.
 
-Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are linear
-in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions are integrated
-by Gauss's rule, so a long interval costs no accuracy. Every limit is a row that must stay in [-1, 1]; wheel
-accelerations and jerks are the rates' derivatives, taken symbolically, so that one formula for the rate of a
-wheel serves fixed and steered wheels alike. The duration is a state that does not change.
+Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
+linear in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions
+are integrated by Gauss's rule, so a long interval costs no accuracy. Every limit is a row that must stay
+in [-1, 1]; wheel accelerations and jerks are the rates' derivatives, taken symbolically, so that one
+formula for the rate of a wheel serves fixed and steered wheels alike. The duration is a state that does
+not change.
 
 Sources: Bock and Plitt (1984), direct multiple shooting; Vanroye et al. (2023), Fatrop.
 """
@@ -32,9 +33,9 @@ _REGULARIZATION = 1e-6
 class Shape:
     """What a compiled solver is for: all else are its parameters.
 
-    coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep to at
-    every knot. jerk: whether wheel jerks are limited. held: whether a car begins with a given curvature.
-    forward: whether it must not go backwards.
+    coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
+    to at every knot. jerk: whether wheel jerks are limited. held: whether a car begins with a given
+    curvature. forward: whether it must not go backwards.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -64,16 +65,17 @@ class Shape:
     def parameters(self) -> dict[str, int]:
         """Names and sizes, in order.
 
-        start, goal: poses. rate (rows, 3): wheel rate over its limit per twist. x, y, speed (steered): where the wheel
-        stands, and 1 over its largest rolling speed. acceleration, jerk (rows + steered): rate limit over
-        acceleration limit, and over jerk limit. steering: 1 over the steering rate. curvature: 1 over the largest.
-        body: 1 over the limits of speed, omega, tangential and lateral acceleration. bend: the curvature that a car
-        begins with. Then for every knot `planes` rows (nx, ny, x, y, d): n·(point of the body at x, y) >= d.
+        start, goal: poses. rate (rows, 3): wheel rate over its limit per twist. x, y, speed (steered):
+        where the wheel stands, and 1 over its largest rolling speed. acceleration, jerk (rows + steered):
+        rate limit over acceleration limit, and over jerk limit. steering: 1 over the steering rate.
+        curvature: 1 over the largest. body: 1 over the limits of speed, omega, tangential and lateral
+        acceleration. bend: the curvature that a car begins with. Then for every knot `planes` rows (nx,
+        ny, x, y, d): n·(point of the body at x, y) >= d.
         """
         wheels = self.rows + self.steered
         return {
-            "start": 3, "goal": 3, "rate": 3 * self.rows, "x": self.steered, "y": self.steered, "speed": self.steered,
-            "acceleration": wheels, "jerk": wheels, "steering": 1, "curvature": 1, "body": 4, "bend": 1,
+            "start": 3, "goal": 3, "rate": 3 * self.rows,
+            "x": self.steered, "y": self.steered, "speed": self.steered, "acceleration": wheels, "jerk": wheels, "steering": 1, "curvature": 1, "body": 4, "bend": 1,
             "planes": 5 * self.planes * (self.knots + 1),
         }  # fmt: skip
 
@@ -90,8 +92,8 @@ class Solver:
     def solve(self, parameters: dict[str, Any], guess: Array, controls: Array) -> tuple[Array, Array] | None:
         """States (knots + 1, state) and controls (knots, size), or None.
 
-        guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their rates where
-        jerk is limited, and the duration, which should be about 1, as should be lengths.
+        guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
+        rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
         """
         n, m = self.shape.knots, self.shape.state
         packed = np.concatenate([np.ravel(parameters[name]) for name in self.shape.parameters()])
@@ -162,7 +164,8 @@ def solver(shape: Shape) -> Solver:
 
 
 class _Stage(NamedTuple):
-    """The functions of one knot, or one interval: of state, control and shared parameters, or its half-planes."""
+    """The functions of one knot, or one interval: of state, control and shared parameters, or its
+    half-planes."""
 
     parameters: int
     step: Any
@@ -196,8 +199,14 @@ def _stage(shape: Shape) -> _Stage:
     )
 
 
-_INSIDE: dict[str, tuple[float, ...]] = {"fixed": (0.0,), "car": (0.0, 1.0), "twist": (0.5,), "jerk": (0.25, 0.75)}
-"""Where in an interval limits on changes are held: fixed wheels accelerate evenly there, steered ones do not."""
+_INSIDE: dict[str, tuple[float, ...]] = {
+    "fixed": (0.0,),
+    "car": (0.0, 1.0),
+    "twist": (0.5,),
+    "jerk": (0.25, 0.75),
+}
+"""Where in an interval limits on changes are held: fixed wheels accelerate evenly there, steered ones do
+not."""
 
 _GAUSS = ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18))
 
@@ -233,7 +242,7 @@ class _Problem:
         pose = x[:3]
 
         def turned(t: Any) -> Any:
-            # Gauss's rule with two nodes is exact for the cubic, with three for the quintic, that omega can be.
+            # Exact: omega is of the fourth degree at most.
             return sum(w * t * self.twist(self._later(x, u, a * t)[0])[2] for a, w in _GAUSS)
 
         dx, dy = 0, 0

@@ -35,7 +35,8 @@ _BETWEEN = 5e-3
 
 @dataclass(frozen=True, eq=False)
 class Optimizer:
-    """Direct optimization of one problem's motions: pose, wheel rates and steering at once, obstacles kept clear of.
+    """Direct optimization of one problem's motions: pose, wheel rates and steering at once, obstacles kept
+    clear of.
 
     is_over: whether to give up.
     """
@@ -134,7 +135,8 @@ class Optimizer:
         return _Guess(time, rough.pose, np.stack([rough.twist[:, 0], bend], -1))
 
     def _solve(self, guess: _Guess, planes: Array) -> Phases | None:
-        """The fastest motion near a guess on the right side of planes (n + 1, p, 5), slowed to keep all limits."""
+        """The fastest motion near a guess on the right side of planes (n + 1, p, 5), slowed to keep all
+        limits."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
         fixed, steered = np.flatnonzero(~law.steered), np.flatnonzero(law.steered)
@@ -150,11 +152,14 @@ class Optimizer:
         time = float(guess.time[-1])
         extent = np.array([length, length, 1.0])
         origin = np.array([guess.pose[0, 0], guess.pose[0, 1], 0.0])
-        unit = {"twist": extent / time, "unicycle": extent[1:] / time, "car": np.array([length / time, 1 / length])}[
-            shape.coordinates
-        ]
-        speed, most = limits.wheel_speed[order], min(
-            limits.angular_speed, limits.steering_rate if law.heading_steers else math.inf
+        unit = {
+            "twist": extent / time,
+            "unicycle": extent[1:] / time,
+            "car": np.array([length / time, 1 / length]),
+        }[shape.coordinates]
+        speed, most = (
+            limits.wheel_speed[order],
+            min(limits.angular_speed, limits.steering_rate if law.heading_steers else math.inf),
         )
         nearby = planes.copy()
         nearby[..., 4] -= planes[..., :2] @ origin[:2]
@@ -175,7 +180,9 @@ class Optimizer:
         }  # fmt: skip
         q = guess.coordinates / unit
         rates = np.gradient(q, 1 / n, axis=0)
-        first = np.column_stack([(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)])
+        first = np.column_stack(
+            [(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)]
+        )
         answer = solver(shape).solve(parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n)
         if answer is None:
             return None
@@ -264,6 +271,7 @@ def _excess(motion: Phases, knots: Array, limits: Limits) -> float:
 
 
 def _lateral(sampled: WheelSchedule) -> Array:
-    """Acceleration (n,) m/s² of the body origin across its direction of travel, of drives that go where they point."""
+    """Acceleration (n,) m/s² of the body origin across its direction of travel, of drives that go where
+    they point."""
     across = np.abs(sampled.twist[:, 0] * sampled.twist[:, 2])
     return np.where(np.abs(sampled.twist[:, 1]) > 1e-9, 0.0, across)

@@ -93,8 +93,11 @@ def plan(problem: Problem) -> Plan:
         finally:
             watch.lap("verify")
         about = {
-            "planner": best.planner, "state_space": local.state_space, "optimized": best.optimized, "stops": _stops(made),
-        }  # fmt: skip
+            "planner": best.planner,
+            "state_space": local.state_space,
+            "optimized": best.optimized,
+            "stops": _stops(made),
+        }
         way = float(np.hypot(*np.diff(made.pose[:, :2], axis=0).T).sum())
         return Plan(best.timed.duration, way, made, certificate, _planning(problem, watch, **about))
     assert refused is not None
@@ -225,7 +228,10 @@ def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
     if cut is not None:
         raise NoPathExists(
             f"a disc of radius {cut.radius:.3f} m inside the footprint cannot pass from start to goal",
-            proof={"method": "separation of the largest disc inside the footprint", **{name: float(value) for name, value in asdict(cut).items()}},
+            proof={
+                "method": "separation of the largest disc inside the footprint",
+                **{name: float(value) for name, value in asdict(cut).items()},
+            },
         )
 
 
@@ -246,7 +252,11 @@ def _standing(problem: Problem, world: CollisionWorld, watch: _Stopwatch) -> Pla
     certificate = verify(problem, made, world)
     watch.lap("verify")
     return Plan(
-        0.0, 0.0, made, certificate, _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0)
+        0.0,
+        0.0,
+        made,
+        certificate,
+        _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0),
     )
 
 
@@ -282,8 +292,11 @@ def warm_up() -> None:
     everything."""
     modules = tuple(Module(name, x, y) for name, x, y in (("left", 0.0, 0.2), ("right", 0.0, -0.2)))
     for drive in (
-        Mecanum(0.05, 0.3, 0.4), Differential(0.05, 0.3), Ackermann(0.05, 0.4, 0.3), PoweredCaster(0.05, 0.04, modules)
-    ):  # fmt: skip
+        Mecanum(0.05, 0.3, 0.4),
+        Differential(0.05, 0.3),
+        Ackermann(0.05, 0.4, 0.3),
+        PoweredCaster(0.05, 0.04, modules),
+    ):
         m = len(drive.wheel_names)
         robot = Robot(
             drive,

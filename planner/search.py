@@ -153,8 +153,11 @@ def _area(environment: Environment) -> tuple[float, float, float, float]:
     if bounds is None:
         return box
     return (
-        max(box[0], bounds.x_min), max(box[1], bounds.y_min), min(box[2], bounds.x_max), min(box[3], bounds.y_max)
-    )  # fmt: skip
+        max(box[0], bounds.x_min),
+        max(box[1], bounds.y_min),
+        min(box[2], bounds.x_max),
+        min(box[3], bounds.y_max),
+    )
 
 
 def _state(information: Any, pose: Pose) -> Any:

@@ -25,7 +25,8 @@ class Phase(Protocol):
         """s."""
 
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
-        """Write the motion at times (n,) since the phase began into rows of out, wheels starting at `angle` (m,).
+        """Write the motion at times (n,) since the phase began into rows of out, wheels starting at
+        `angle` (m,).
 
         Returns the wheels' angles (m,) at the end of the phase.
         """
@@ -52,7 +53,11 @@ class Phases:
         begin, angle = 0.0, np.zeros(m)
         for phase in self.phases:
             first = int(np.searchsorted(time, begin, side="left"))
-            end = n if phase is self.phases[-1] else int(np.searchsorted(time, begin + phase.duration, side="left"))
+            end = (
+                n
+                if phase is self.phases[-1]
+                else int(np.searchsorted(time, begin + phase.duration, side="left"))
+            )
             local = np.clip(time[first:end] - begin, 0.0, phase.duration)
             angle = phase.fill(self.drive, local, out, slice(first, end), angle)
             begin += phase.duration
@@ -82,7 +87,8 @@ class Steer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i], jerk[i].
+    """s(t) as polynomials: over segment i, from time[i] on, position[i], velocity[i], acceleration[i],
+    jerk[i].
 
     time has one entry more than the others, its last is the duration.
     """
@@ -151,9 +157,9 @@ _GAUSS_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18
 class Flowing:
     """A motion from rest to rest whose coordinates are polynomials in time between knots.
 
-    time (n + 1,) s, from 0; coefficients (n, 3, c): over interval i the coordinates are
-    coefficients[i] · (1, u, u²), u = t - time[i]. Coordinates: (vx, vy, omega) the twist; (v, omega); or, where
-    `curves`, (v, curvature 1/m), which leaves the steering of a car defined at rest. start: the pose it begins at;
+    time (n + 1,) s, from 0; coefficients (n, 3, c): over interval i the coordinates are coefficients[i] ·
+    (1, u, u²), u = t - time[i]. Coordinates: (vx, vy, omega) the twist; (v, omega); or, where `curves`,
+    (v, curvature 1/m), which leaves the steering of a car defined at rest. start: the pose it begins at;
     steering (k,): where steered wheels stand before, None: as the motion needs.
     """
 
@@ -179,7 +185,9 @@ class Flowing:
         v, dv = twist[:, :1], change[:, :1]
         if self.curves:
             tangent, derivative = self._direction(fine)
-            law = drive.actuators(BodyPath(fine, heading, tangent, derivative), self.steering, self.steering_limit)
+            law = drive.actuators(
+                BodyPath(fine, heading, tangent, derivative), self.steering, self.steering_limit
+            )
             rate, acceleration = law.wheel * v, law.wheel * dv + law.wheel_derivative * v
         else:
             law = drive.actuators(BodyPath(fine, heading, twist, change), self.steering, self.steering_limit)

@@ -98,7 +98,7 @@ BAD = [
     ({f"{FOOTPRINT}/a~b": 1}, INVALID, f"{FOOTPRINT}/a~0b"),
     # per wheel
     ({f"{LIMITS}/wheel_speed": {"left": 1.0}}, INVALID, f"{LIMITS}/wheel_speed/right"),
-    ({f"{LIMITS}/wheel_speed": {"left": 1.0, "right": 2.0, "third": 3.0}}, INVALID, f"{LIMITS}/wheel_speed/third"),
+    ({f"{LIMITS}/wheel_speed": {"left": 1.0, "right": 2.0, "x": 3.0}}, INVALID, f"{LIMITS}/wheel_speed/x"),
     ({f"{LIMITS}/wheel_speed": {"left": 1.0, "right": -2.0}}, INVALID, f"{LIMITS}/wheel_speed/right"),
     ({f"{LIMITS}/wheel_speed": {"left": 1.0, "right": "2"}}, INVALID, f"{LIMITS}/wheel_speed/right"),
     ({f"{LIMITS}/wheel_speed": "fast"}, INVALID, None),
@@ -111,7 +111,10 @@ BAD = [
     ({DRIVE: SYNCHRO}, INVALID, f"{LIMITS}/steering_rate"),
     ({"/start/steering": {"left": 0.0}}, INVALID, "/start/steering/left"),
     (
-        {DRIVE: TRICYCLE, f"{LIMITS}/steering_angle": 1.0, f"{LIMITS}/steering_rate": 1.0, "/start/steering": {}},
+        {
+            DRIVE: TRICYCLE, f"{LIMITS}/steering_angle": 1.0, f"{LIMITS}/steering_rate": 1.0,
+            "/start/steering": {},
+        },
         INVALID, "/start/steering/front",
     ),
     (
@@ -129,7 +132,8 @@ BAD = [
         INVALID, "/start/steering/wheel_3",
     ),
     # degenerate shapes, before anything that depends on them
-    ({DRIVE: swedish("a", "b"), f"{LIMITS}/wheel_speed": {"a": 1, "b": 1, "c": 1}}, GEOMETRY, f"{DRIVE}/wheels"),
+    ({DRIVE: swedish("a", "b"), f"{LIMITS}/wheel_speed": {"a": 1, "b": 1, "c": 1}}, GEOMETRY,
+     f"{DRIVE}/wheels"),
     ({DRIVE: swedish("a", "a", "b")}, GEOMETRY, f"{DRIVE}/wheels"),
     ({DRIVE: {"type": "omni", "wheel_radius": 0.1, "robot_radius": 0.2, "wheel_count": 2}}, GEOMETRY,
      f"{DRIVE}/wheel_count"),
@@ -139,9 +143,11 @@ BAD = [
     ({DRIVE: {"type": "swerve", "wheel_radius": 0.1, "modules": [{"name": "a,b", "x": 0, "y": 0}]}}, INVALID,
      f"{DRIVE}/modules/0/name"),
     ({FOOTPRINT: {"type": "polygon", "vertices": BOW_TIE}}, GEOMETRY, f"{FOOTPRINT}/vertices"),
-    ({FOOTPRINT: {"type": "polygon", "vertices": [[0, 0], [1, 0], [2, 0]]}}, GEOMETRY, f"{FOOTPRINT}/vertices"),
+    ({FOOTPRINT: {"type": "polygon", "vertices": [[0, 0], [1, 0], [2, 0]]}}, GEOMETRY,
+     f"{FOOTPRINT}/vertices"),
     ({FOOTPRINT: {"type": "polygon", "vertices": [[0, 0], [1, 0]]}}, INVALID, f"{FOOTPRINT}/vertices"),
-    ({FOOTPRINT: {"type": "polygon", "vertices": [[0, 0], [1, 0], [0, 1, 2]]}}, INVALID, f"{FOOTPRINT}/vertices/2"),
+    ({FOOTPRINT: {"type": "polygon", "vertices": [[0, 0], [1, 0], [0, 1, 2]]}}, INVALID,
+     f"{FOOTPRINT}/vertices/2"),
     ({FOOTPRINT: {"type": "polygon", "vertices": [[0, 0], [1, 0], [0, "1"]]}}, INVALID,
      f"{FOOTPRINT}/vertices/2/1"),
     ({"/environment/obstacles/0": {"type": "polygon", "vertices": BOW_TIE}}, GEOMETRY,
@@ -211,7 +217,8 @@ def test_a_number_that_is_not_finite_is_refused_by_its_pointer(client, body, num
 @pytest.mark.parametrize(
     "text",
     [
-        "", "{", "not json", '{"robot": NaN}', '{"robot": Infinity}', '{"start": {}, "start": {}}', '"\\ud800"',
+        "", "{", "not json", '{"robot": NaN}', '{"robot": Infinity}', '{"start": {}, "start": {}}',
+        '"\\ud800"',
         "[" * 200_000, "[" * 90_000 + "]" * 90_000, b"\xff\xfe",
     ],
 )  # fmt: skip

@@ -95,8 +95,8 @@ def test_the_catalogue_lists_every_drive_with_an_example_that_works(client):
     answer = client.get("/v1/drives")
     drives = {drive["type"]: drive for drive in answer.json()["drives"]}
     assert list(drives) == [
-        "differential", "tracked", "skid_steer", "omni", "mecanum", "swedish", "tricycle", "ackermann", "synchro",
-        "swerve", "powered_caster",
+        "differential", "tracked", "skid_steer", "omni", "mecanum", "swedish", "tricycle", "ackermann",
+        "synchro", "swerve", "powered_caster",
     ]  # fmt: skip
     assert drives["ackermann"]["wheels"] == ["front_left", "front_right", "rear_left", "rear_right"]
     assert drives["ackermann"]["steering"] == ["front_left", "front_right"]

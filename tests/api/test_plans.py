@@ -27,8 +27,8 @@ def test_a_plan_has_the_members_of_the_contract(client, body):
     assert plan["schedule"]["steering"] == {}
     assert list(plan["trajectory"]) == ["x", "y", "theta", "vx", "vy", "omega"]
     assert {
-        "closure_position", "closure_heading", "wheel_speed_ratio", "wheel_acceleration_ratio", "wheel_jerk_ratio",
-        "steering_angle_ratio", "steering_rate_ratio", "slip", "clearance",
+        "closure_position", "closure_heading", "wheel_speed_ratio", "wheel_acceleration_ratio",
+        "wheel_jerk_ratio", "steering_angle_ratio", "steering_rate_ratio", "slip", "clearance",
     } <= set(plan["certificate"])  # fmt: skip
     assert plan["planning"] == {"planner": "fake", "seed": 7}
     assert plan["schedule"]["wheels"]["right"]["velocity"] == [1.2, 3.2, 5.2]
@@ -55,7 +55,8 @@ def test_a_schedule_comes_as_csv_where_that_is_asked_for(client, body, query, ac
     assert answer.headers["content-type"].startswith("text/csv")
     head, *rows = csv.reader(io.StringIO(answer.text))
     assert head == [
-        "time", "x", "y", "theta", "front.velocity", "rear_left.velocity", "rear_right.velocity", "front.steering",
+        "time", "x", "y", "theta", "front.velocity", "rear_left.velocity", "rear_right.velocity",
+        "front.steering",
     ]  # fmt: skip
     assert [float(v) for v in rows[1]] == [0.02, 3.3, 4.3, 5.3, 3.3, 4.3, 5.3, 1.1]
     assert len(rows) == 3
@@ -64,7 +65,8 @@ def test_a_schedule_comes_as_csv_where_that_is_asked_for(client, body, query, ac
 @pytest.mark.parametrize(
     ("accept", "expected"),
     [
-        ("application/json", "application/json"), ("text/*", "text/csv"), ("application/*;q=0.1", "application/json"),
+        ("application/json", "application/json"), ("text/*", "text/csv"),
+        ("application/*;q=0.1", "application/json"),
         ("text/csv;q=0.5, application/json;q=0.4", "text/csv"), ("text/csv, */*;q=0", "text/csv"),
         ("text/html, */*;q=0.1", "application/json"), ("text/csv;q=0, */*", "application/json"),
     ],
@@ -156,7 +158,8 @@ def test_a_plan_with_a_number_that_is_not_finite_is_never_sent(client, body, pla
 
 def test_the_problem_is_stated_as_the_request_states_it(client, body, planner_):
     body["robot"]["drive"] = {
-        "type": "swerve", "wheel_radius": 0.05, "modules": [{"name": "b", "x": 1, "y": 0}, {"name": "a", "x": -1, "y": 0}],
+        "type": "swerve", "wheel_radius": 0.05,
+        "modules": [{"name": "b", "x": 1, "y": 0}, {"name": "a", "x": -1, "y": 0}],
     }  # fmt: skip
     body["robot"]["limits"] = {
         "wheel_speed": {"a": 1, "b": 2.0}, "wheel_acceleration": 3, "steering_rate": 4, "linear_speed": 5,

@@ -81,7 +81,8 @@ class Server:
     def open(self, body):
         """A connection that has sent a plan request."""
         data = json.dumps(body).encode()
-        head = f"POST /v1/plans HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: {len(data)}"
+        head = "POST /v1/plans HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+        head += f"Content-Length: {len(data)}"
         connection = socket.create_connection(("127.0.0.1", self.port), timeout=60)
         connection.sendall(head.encode() + b"\r\n\r\n" + data)
         return connection
@@ -222,6 +223,8 @@ def test_a_client_who_sends_too_much_is_told_so(server, chunked):
             for _ in range(size >> 14):
                 piece = b" " * (1 << 14)
                 connection.sendall(b"%x\r\n%s\r\n" % (len(piece), piece) if chunked else piece)
+            if chunked:
+                connection.sendall(b"0\r\n\r\n")
         for expected in (413, 200):  # and the connection is good for another request
             answer = http.client.HTTPResponse(connection)
             answer.begin()
