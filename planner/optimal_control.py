@@ -74,10 +74,20 @@ class Shape:
         """
         wheels = self.rows + self.steered
         return {
-            "start": 3, "goal": 3, "rate": 3 * self.rows,
-            "x": self.steered, "y": self.steered, "speed": self.steered, "acceleration": wheels, "jerk": wheels, "steering": 1, "curvature": 1, "body": 4, "bend": 1,
+            "start": 3,
+            "goal": 3,
+            "rate": 3 * self.rows,
+            "x": self.steered,
+            "y": self.steered,
+            "speed": self.steered,
+            "acceleration": wheels,
+            "jerk": wheels,
+            "steering": 1,
+            "curvature": 1,
+            "body": 4,
+            "bend": 1,
             "planes": 5 * self.planes * (self.knots + 1),
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +167,7 @@ def solver(shape: Shape) -> Solver:
     options: dict[str, Any] = {
         # Written out as one expression it runs faster, but where wheels steer it takes too long to write.
         "expand": shape.steered == 0, "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 1e-2, "max_iter": 120},
+        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 1e-2, "max_iter": 80},
     }  # fmt: skip
     function = ca.nlpsol("fastest", "fatrop", program, options)
     return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))

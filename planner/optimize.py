@@ -45,44 +45,43 @@ class Optimizer:
     world: CollisionWorld
     is_over: Callable[[], bool]
 
-    def faster(self, motion: Phases, rounds: int) -> Phases | None:
+    def faster(self, motion: Phases, rounds: int, alone: bool) -> Phases | None:
         """The fastest free motion found near a free one, within all limits; None where that is no faster.
 
-        rounds: how often it may be improved among obstacles, as long as each is worth while.
+        rounds: how often it may be improved among obstacles, as long as each is worth while. alone: whether to
+        try first without them, which is quick, and where they are far that is enough.
         """
-        knots = _knots(motion, math.inf)
+        if alone:
+            knots = _knots(motion, math.inf)
+            found = self._solve(self._guess(motion, knots), np.zeros((knots + 1, 0, 5)))
+            if found is not None and self._is_free(found):
+                return found if found.duration < motion.duration else None
+        knots = _knots(motion, _SPACING)
         best = motion
-        # Without obstacles in it the problem is quick to solve, and where they are far that is enough.
-        found = self._solve(self._guess(motion, knots), np.zeros((knots + 1, 0, 5)))
-        if found is not None and self._is_free(found):
-            best = found if found.duration < best.duration else best
-        else:
-            knots = _knots(motion, _SPACING)
-            for _ in range(rounds):
-                found = self._in_corridor(best, knots)
-                if found is None or found.duration >= best.duration:
-                    break
-                done = found.duration > _GAIN * best.duration
-                best = found
-                if done or self.is_over():
-                    break
+        for _ in range(rounds):
+            found = self._in_corridor(best, knots)
+            if found is None or found.duration >= best.duration:
+                break
+            done = found.duration > _GAIN * best.duration
+            best = found
+            if done or self.is_over():
+                break
         return None if best is motion else best
 
     def _in_corridor(self, motion: Phases, knots: int) -> Phases | None:
         """The fastest free motion on the same side of all obstacles as a free one, or None."""
         guess = self._guess(motion, knots)
         planes = half_planes(self.world.kernel, guess.pose, True)
-        # Beside the obstacles near the motion, those that an answer ran into.
-        met = np.zeros_like(planes)
-        met[..., 4] = -1.0
+        near = planes
         for _ in range(_TRIES):
-            found = self._solve(guess, np.concatenate([planes, met], 1))
+            found = self._solve(guess, near)
             if found is None or self._is_free(found):
                 return found
             if self.is_over():
                 break
+            # Beside the obstacles near the motion, those that the answer ran into.
             time = np.linspace(0.0, found.duration, knots + 1)
-            met = half_planes(self.world.kernel, found.sample(time).pose, False)
+            near = np.concatenate([planes, half_planes(self.world.kernel, found.sample(time).pose, False)], 1)
         return None
 
     def _is_free(self, motion: Phases) -> bool:
@@ -139,7 +138,11 @@ class Optimizer:
         limits."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
-        fixed, steered = np.flatnonzero(~law.steered), np.flatnonzero(law.steered)
+        # Of wheels that always turn alike, one will do.
+        _, distinct = np.unique(np.column_stack([law.rows, limits.wheel_speed, limits.wheel_acceleration,
+                                                 limits.wheel_jerk]), axis=0, return_index=True)  # fmt: skip
+        fixed = np.intersect1d(np.flatnonzero(~law.steered), distinct)
+        steered = np.flatnonzero(law.steered)
         order = np.concatenate([fixed, steered])
         n = len(guess.time) - 1
         shape = Shape(

@@ -191,7 +191,8 @@ def _refined(
     for near in sorted(candidates, key=lambda c: c.timed.duration)[: 1 if effort == "good" else None]:
         if watch.is_over():
             break
-        faster = optimizer.faster(near.timed, _GOOD_ROUNDS if effort == "good" else _BEST_ROUNDS)
+        rounds = _GOOD_ROUNDS if effort == "good" else _BEST_ROUNDS
+        faster = optimizer.faster(near.timed, rounds, alone=near.planner == "direct")
         if faster is not None:
             found.append(_Candidate(near.planner, faster, optimized=True))
     watch.lap("optimize")

@@ -149,25 +149,35 @@ def test_a_wall_a_micrometre_thin_is_never_tunnelled_through() -> None:
     assert not world.twist_free(Pose(-2, 0, 0), Twist(4, 0, 0))
 
 
-@given(st.floats(0.2, 1.9), st.floats(-math.pi, math.pi), st.sampled_from([-1, 1]))
+@given(
+    st.floats(0.6, 1.9), st.floats(-math.pi, math.pi), st.sampled_from([-1, 1]), st.sampled_from([0.01, 1.0])
+)
 @settings(max_examples=100, deadline=None, derandomize=True)
-def test_a_pin_in_the_way_of_a_turning_bar_is_hit(distance: float, angle: float, way: int) -> None:
+def test_a_pin_in_the_way_of_a_turning_bar_is_hit(
+    distance: float, angle: float, way: int, width: float
+) -> None:
     pin = Circle(distance * math.cos(angle), distance * math.sin(angle), 1e-6)
-    world = CollisionWorld.build(Environment(ROOM, (pin,)), rectangle(4.0, 0.01))
-    start = angle + 0.2 * way
-    assert world.linear_free(Pose(0, 0, start), Pose(0, 0, start + 2.7 * way))  # stops short of it
-    assert not world.linear_free(Pose(0, 0, start), Pose(0, 0, start + 3.0 * way))
-    assert not world.twist_free(Pose(0, 0, start), Twist(0, 0, 3.0 * way))
+    world = CollisionWorld.build(Environment(ROOM, (pin,)), rectangle(4.0, width))
+    half = math.asin(width / 2 / distance) + 0.05
+    before, after = Pose(0, 0, angle - way * half), Pose(0, 0, angle + way * half)
+    again = Pose(0, 0, angle + way * (math.pi - half))
+    assert not world.linear_free(before, after)
+    assert not world.twist_free(before, Twist(0, 0, 2 * half * way))
+    assert world.linear_free(after, again)
+    assert world.twist_free(again, Twist(0, 0, -way * (math.pi - 2 * half)))
 
 
-def test_a_graze_between_two_free_ends_is_seen_though_it_starts_out_along_the_wall() -> None:
-    # The tip runs on a circle of 1.9 m, straight past a block whose corner, 0.08 m on, reaches into that circle.
+def test_a_tip_that_runs_close_round_a_drum_still_hits_the_pin_beside_it() -> None:
     tip = Footprint(np.array([[1.9, 0.0], [2.1, -0.1], [2.1, 0.1]]))
-    for x, fits in ((1.898, True), (1.899, False)):
-        world = CollisionWorld.build(Environment(ROOM, (box(1.0, -0.08, x, 0.08),)), tip)
-        assert world.linear_free(ORIGIN, Pose(0, 0, 0.3)) is fits
-        assert world.twist_free(ORIGIN, Twist(0, 0, 0.3)) is fits
-    # Held at one heading, the footprint goes once round a circle of 0.02 m and comes back.
+    pin = Circle(2 * math.cos(5.0), 2 * math.sin(5.0), 1e-6)
+    world = CollisionWorld.build(Environment(ROOM, (Circle(0, 0, 1.88), pin)), tip)
+    assert world.linear_free(ORIGIN, Pose(0, 0, 4.9))
+    assert not world.linear_free(ORIGIN, Pose(0, 0, 5.2))
+    assert not world.twist_free(Pose(0, 0, 5.2), Twist(0, 0, -5.2))
+
+
+def test_a_loop_that_returns_is_checked_at_its_far_side() -> None:
+    # Held at one heading, the footprint goes once round a circle of 0.02 m.
     for y, fits in ((0.1401, True), (0.1399, False)):
         world = CollisionWorld.build(
             Environment(ROOM, (box(-1, y, 1, 1),)), rectangle(1.0, 0.2), fixed_heading=0.0
