@@ -35,6 +35,7 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        app.state.maps.sweep()
         workers.start()
         yield
         await workers.close()
@@ -69,11 +70,15 @@ async def _refused(_: Request, error: Exception) -> Response:
 async def _http_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code = {404: "not-found", 405: "method-not-allowed"}.get(error.status_code, "internal-error")
+    headers = dict(error.headers or {})
+    route = getattr(request.scope.get("route"), "path", None)
+    if route in (paths := request.app.openapi()["paths"]):  # the header names one of the path's methods only
+        headers["Allow"] = ", ".join(method.upper() for method in sorted(paths[route]))
     detail = {
         "not-found": "There is nothing at this path.",
         "method-not-allowed": f"{request.method[:20]} is not offered here.",
     }.get(code, str(error.detail))
-    return problem_response(Refusal(code, detail), error.headers)
+    return problem_response(Refusal(code, detail), headers)
 
 
 def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:

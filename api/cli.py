@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,7 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
     """Plans one request in this process; 1, and the problem on standard error, where there is no plan."""
     from api.convert import to_problem
     from api.errors import Refusal, problem_document
-    from api.maps import MapStore, decode_map
+    from api.maps import MapStore, read_map
     from api.planning import plan_document
     from api.schemas import PlanRequest
     from api.validation import validated
@@ -67,10 +68,9 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
             maps = MapStore(settings.data_dir / "maps", settings.max_maps)
             if asked.map is not None:
                 maps = MapStore(Path(scratch), 1)
-                description = asked.map.read_bytes()
-                decoded = decode_map(description, _image_of(asked.map).read_bytes(), settings.max_map_cells)
-                map_id = maps.add(decoded)[0]["id"]
-                request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
+                map_id = maps.add(read_map(asked.map, settings.max_map_cells))[0]["id"]
+                with suppress(AttributeError):  # what is no object, validation names below
+                    request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
             problem = to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
             plan = read_json(write_json(plan_document(problem)))
         except MalformedJson as error:
@@ -86,13 +86,6 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
 
             draw_plan(request, plan, asked.picture, asked.map)
     return 0
-
-
-def _image_of(map_yaml: Path) -> Path:
-    import yaml
-
-    described = yaml.safe_load(map_yaml.read_text())
-    return map_yaml.parent / str(described["image"])
 
 
 def _write(document: Any, to: Path | None) -> None:

@@ -20,7 +20,7 @@ from api.schemas import (
     PolygonFootprint,
     PolygonObstacle,
     RectangleFootprint,
-)  # fmt: skip
+)
 from api.validation import pointer
 from drives.drive import Car, Drive, Limits
 from drives.se2 import Array, Pose
@@ -36,7 +36,7 @@ from planner.problem import (
     Polygon,
     Problem,
     Robot,
-)  # fmt: skip
+)
 
 __all__ = ["by_name", "to_problem"]
 

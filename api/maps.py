@@ -8,6 +8,8 @@ import os
 import re
 import shutil
 import tempfile
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -24,10 +26,11 @@ from api.validation import validated
 from drives.se2 import Pose
 from planner.problem import MapLayer
 
-__all__ = ["DecodedMap", "MapStore", "decode_map"]
+__all__ = ["DecodedMap", "MapStore", "decode_map", "read_map"]
 
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 _MAX_YAML = 16 << 10
+_LONGEST_UPLOAD = 3600.0
 _ID = re.compile(r"[0-9a-f]{64}")
 
 
@@ -81,6 +84,7 @@ class _MapYaml(BaseModel):
     free_thresh: Annotated[_Number, Field(ge=0, le=1)]
     negate: bool = False
     mode: Literal["trinary", "scale", "raw"] = "trinary"
+    image: str = ""
 
 
 def decode_map(description: bytes, image: bytes, max_cells: int) -> DecodedMap:
@@ -113,6 +117,12 @@ def decode_map(description: bytes, image: bytes, max_cells: int) -> DecodedMap:
     x, y, yaw = meta.origin
     # Images begin at the top, maps at the bottom.
     return DecodedMap(np.ascontiguousarray(cells[::-1]), meta.resolution, Pose(x, y, yaw))
+
+
+def read_map(file: Path, max_cells: int) -> DecodedMap:
+    """The map of a map_server yaml on disk, whose image stands beside it. Raises OSError too."""
+    description = file.read_bytes()
+    return decode_map(description, (file.parent / _read_yaml(description).image).read_bytes(), max_cells)
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -194,10 +204,19 @@ class MapStore:
         _sync_directory(self.root)
         return summary, True
 
+    def sweep(self) -> None:
+        """Removes what a crash in the middle of an upload or a deletion has left."""
+        for left in [*self.root.glob(".new-*"), *self.root.glob(".old-*")]:
+            if time.time() - left.stat().st_mtime > _LONGEST_UPLOAD:
+                shutil.rmtree(left, ignore_errors=True)
+
     def list(self) -> list[dict[str, Any]]:
         """The summaries of all maps, by id."""
-        found = sorted(self.root.glob("*/meta.json")) if self.root.exists() else []
-        return [orjson.loads(meta.read_bytes()) for meta in found if _ID.fullmatch(meta.parent.name)]
+        found = []
+        for place in sorted(self.root.iterdir()) if self.root.exists() else []:
+            with suppress(Refusal):  # no map, or deleted this moment
+                found.append(self.get(place.name))
+        return found
 
     def get(self, id: str) -> dict[str, Any]:
         """The summary of one map. Raises Refusal: unknown-map."""

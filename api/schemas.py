@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import ConfigDict, Discriminator, Field, JsonValue, Tag
 
 from api.drive_schemas import EXAMPLES, DriveSchema
 from api.fields import (
@@ -19,7 +19,7 @@ from api.fields import (
     extent,
     quantity,
     rate,
-)  # fmt: skip
+)
 
 __all__ = [
     "BoundsSchema", "CircleFootprint", "CircleObstacle", "EnvironmentSchema", "ForwardRequest", "GoalSchema",
@@ -213,29 +213,43 @@ class OptionsSchema(Strict):
     )
 
 
+_EXAMPLES: list[JsonValue] = [
+    {
+        "robot": {
+            "drive": {"type": "differential", "wheel_radius": 0.1, "track_width": 0.5},
+            "footprint": {"type": "rectangle", "length": 0.8, "width": 0.6},
+            "limits": {"wheel_speed": 15.0, "wheel_acceleration": 15.0},
+        },
+        "start": {"x": -3.0, "y": 0.0, "theta": 0.0},
+        "goal": {"x": 3.0, "y": 0.0, "theta": 0.0},
+        "environment": {
+            "bounds": {"x_min": -5.0, "y_min": -5.0, "x_max": 5.0, "y_max": 5.0},
+            "obstacles": [{"type": "circle", "center": [0.0, 0.5], "radius": 0.6}],
+        },
+        "options": {"time_budget": 2.0, "seed": 7},
+    },
+    {
+        "robot": {
+            "drive": {"type": "tricycle", "wheel_radius": 0.15, "wheelbase": 1.2, "track_width": 0.8},
+            "footprint": {"type": "rectangle", "length": 1.8, "width": 1.0, "offset": 0.5},
+            "limits": {
+                "wheel_speed": {"front": 12.0, "rear_left": 10.0, "rear_right": 10.0},
+                "wheel_acceleration": 8.0,
+                "steering_angle": 1.2,
+                "steering_rate": 1.0,
+            },
+        },
+        "start": {"x": 0.0, "y": 0.0, "theta": 0.0, "steering": {"front": -0.9}},
+        "goal": {"x": 5.0, "y": 2.0, "theta": 1.0},
+        "environment": {"bounds": {"x_min": -10.0, "y_min": -10.0, "x_max": 10.0, "y_max": 10.0}},
+    },
+]
+
+
 class PlanRequest(Strict):
     """A motion to plan: who moves, from where to where, among what."""
 
-    model_config = Strict.model_config | {
-        "json_schema_extra": {
-            "examples": [
-                {
-                    "robot": {
-                        "drive": {"type": "differential", "wheel_radius": 0.1, "track_width": 0.5},
-                        "footprint": {"type": "rectangle", "length": 0.8, "width": 0.6},
-                        "limits": {"wheel_speed": 15.0, "wheel_acceleration": 15.0},
-                    },
-                    "start": {"x": -3.0, "y": 0.0, "theta": 0.0},
-                    "goal": {"x": 3.0, "y": 0.0, "theta": 0.0},
-                    "environment": {
-                        "bounds": {"x_min": -5.0, "y_min": -5.0, "x_max": 5.0, "y_max": 5.0},
-                        "obstacles": [{"type": "circle", "center": [0.0, 0.5], "radius": 0.6}],
-                    },
-                    "options": {"time_budget": 2.0, "seed": 7},
-                }
-            ]
-        }
-    }
+    model_config = ConfigDict(json_schema_extra={"examples": _EXAMPLES})
 
     robot: RobotSchema = quantity("Who moves")
     start: StartSchema = quantity("From where")
@@ -258,11 +272,11 @@ _Rates = dict[WheelName, Annotated[float, Field(ge=-LARGEST_RATE, le=LARGEST_RAT
 class InverseRequest(Strict):
     """A twist, asked for as wheel rates."""
 
-    model_config = Strict.model_config | {
-        "json_schema_extra": {
+    model_config = ConfigDict(
+        json_schema_extra={
             "examples": [{"drive": EXAMPLES["differential"], "twist": {"vx": 0.5, "vy": 0.0, "omega": 0.2}}]
         }
-    }
+    )
 
     drive: DriveSchema = quantity("The wheels, by type")
     twist: TwistSchema = quantity("The body's velocity")
@@ -274,13 +288,13 @@ class InverseRequest(Strict):
 class ForwardRequest(Strict):
     """Wheel rates, asked for as a twist."""
 
-    model_config = Strict.model_config | {
-        "json_schema_extra": {
+    model_config = ConfigDict(
+        json_schema_extra={
             "examples": [
                 {"drive": EXAMPLES["differential"], "wheels": {"left": 4.5, "right": 5.5}, "steering": {}}
             ]
         }
-    }
+    )
 
     drive: DriveSchema = quantity("The wheels, by type")
     wheels: _Rates = quantity("Rate of each wheel", "rad/s", max_length=MAX_WHEELS)

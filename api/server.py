@@ -30,7 +30,10 @@ def serve(settings: Settings) -> int:
         server_header=False,
     )
     server = _Server(config, app)
-    server.run()
+    try:
+        server.run()
+    finally:
+        app.state.pool.kill()  # where a second signal has cut the shutdown short
     return 0 if server.started else 1
 
 
@@ -55,6 +58,7 @@ class _Server(uvicorn.Server):
         # Not uvicorn's own: it stops listening at once, and in the end raises the signal again.
         if self.draining:
             self.should_exit = self.force_exit = True
+            return
         self.draining = True
         asyncio.run_coroutine_threadsafe(self._drain(), self.loop)
 

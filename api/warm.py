@@ -5,5 +5,4 @@ from __future__ import annotations
 from api import planning  # noqa: F401
 from planner import plan
 
-if hasattr(plan, "warm_up"):
-    plan.warm_up()
+plan.warm_up()

@@ -136,14 +136,18 @@ class Pool:
             if not answer.done():
                 answer.set_exception(Refusal("draining", "Stopped by a shutdown.", retry_after=_RETRY_AFTER))
 
+    def kill(self) -> None:
+        """Kills every worker, so that no thread of ours waits for one any longer."""
+        for worker in self._workers:
+            worker.process.kill()
+
     async def close(self) -> None:
-        """Kills every worker."""
+        """Kills every worker and waits for its end."""
         self.draining = True
         for keeper in self._keepers:
             keeper.cancel()
         await asyncio.gather(*self._keepers, return_exceptions=True)
-        for worker in self._workers:
-            worker.process.kill()
+        self.kill()
         await asyncio.to_thread(self._threads.shutdown)
         for worker in self._workers:
             worker.discard()
@@ -183,7 +187,7 @@ class Pool:
             return False
         try:
             done, outcome = exchange.result()
-        except (EOFError, OSError):
+        except Exception:  # the pipe ended, or what came through it cannot be read
             if not job.answer.done():
                 detail = "The process that planned this request died. No other request is affected."
                 job.answer.set_exception(Refusal("worker-crashed", detail))
@@ -203,7 +207,7 @@ class Pool:
         while True:
             try:
                 worker = await asyncio.get_running_loop().run_in_executor(self._threads, self._fork)
-            except (OSError, EOFError) as error:
+            except Exception as error:
                 log(event="a worker did not start", error=repr(error))
                 self._started = self._started and bool(self._workers)
                 await asyncio.sleep(_RETRY_AFTER)
@@ -227,6 +231,8 @@ class Pool:
             ours.recv_bytes()
         except BaseException:
             lifeline.close()
+            if process.pid is not None:
+                process.kill()
             raise
         self._workers.add(worker)
         return worker

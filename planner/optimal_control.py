@@ -118,7 +118,7 @@ class Solver:
         return np.vstack([body[:, :m], values[-m:]]), body[:, m:]
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=32)
 def solver(shape: Shape) -> Solver:
     """The solver for a shape, built when first asked for (0.1 to 0.5 s)."""
     n, size = shape.knots, shape.size
@@ -165,9 +165,8 @@ def solver(shape: Shape) -> Solver:
     }  # fmt: skip
     equal = [low == high for low, high in zip(lower, upper, strict=True)]
     options: dict[str, Any] = {
-        # Written out as one expression it runs faster, but where wheels steer it takes too long to write.
-        "expand": shape.steered == 0, "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 1e-2, "max_iter": 80},
+        "print_time": False, "structure_detection": "auto", "equality": equal,
+        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 1e-2, "max_iter": 100},
     }  # fmt: skip
     function = ca.nlpsol("fastest", "fatrop", program, options)
     return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))

@@ -42,7 +42,7 @@ MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
 _GOOD_CANDIDATES = 3
-_GOOD_ROUNDS, _BEST_ROUNDS = 2, 6
+_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
 _HEADINGS = 16
 _SAME = 1e-9
 
@@ -182,16 +182,17 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
 def _refined(
     problem: Problem, world: CollisionWorld, candidates: list[_Candidate], watch: _Stopwatch
 ) -> list[_Candidate]:
-    """Faster motions near the candidates: near the best for effort good, near each for best."""
-    effort = problem.options.effort
-    if effort == "first":
+    """Faster motions near the candidates: for effort good near the first for which there is one, for best all."""
+    effort, drive = problem.options.effort, problem.robot.drive
+    # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps them.
+    if effort == "first" or (effort == "good" and drive.settled is not drive):
         return []
     optimizer = Optimizer(problem, world, watch.is_over)
-    found = []
-    for near in sorted(candidates, key=lambda c: c.timed.duration)[: 1 if effort == "good" else None]:
-        if watch.is_over():
+    found: list[_Candidate] = []
+    tries, rounds = (_GOOD_TRIES, _GOOD_ROUNDS) if effort == "good" else (None, _BEST_ROUNDS)
+    for near in sorted(candidates, key=lambda c: c.timed.duration)[:tries]:
+        if watch.is_over() or (found and effort == "good"):
             break
-        rounds = _GOOD_ROUNDS if effort == "good" else _BEST_ROUNDS
         faster = optimizer.faster(near.timed, rounds, alone=near.planner == "direct")
         if faster is not None:
             found.append(_Candidate(near.planner, faster, optimized=True))

@@ -70,6 +70,12 @@ def test_a_file_that_cannot_be_read_is_named(request_file, planner_, capsys, arg
     assert "/nowhere" in capsys.readouterr().err
 
 
+def test_a_broken_map_file_is_a_problem(request_file, planner_, tmp_path, capsysbinary):
+    (tmp_path / "m.yaml").write_text("image: m.pgm")
+    assert cli.main(["plan", str(request_file), "--map", str(tmp_path / "m.yaml")]) == 1
+    assert json.loads(capsysbinary.readouterr().err)["errors"][0]["pointer"] == "/yaml/resolution"
+
+
 def test_the_drives_are_listed(capsysbinary):
     assert cli.main(["drives"]) == 0
     assert len(json.loads(capsysbinary.readouterr().out)["drives"]) == 11

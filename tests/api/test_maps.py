@@ -1,9 +1,12 @@
 import io
 import json
+import os
 
 import numpy as np
 import pytest
 from PIL import Image
+
+from api.maps import MapStore
 
 YAML = """
 image: map.pgm
@@ -285,9 +288,18 @@ def test_an_upload_that_fails_on_disk_leaves_nothing(client, settings, monkeypat
     assert upload(client).status_code == 201
 
 
-def test_a_stored_map_survives_a_restart(client, settings):
-    from api.maps import MapStore
+def test_what_a_crash_left_is_swept_at_the_next_start(settings):
+    left = settings.data_dir / "maps" / ".new-x"
+    left.mkdir(parents=True)
+    store = MapStore(settings.data_dir / "maps", 10)
+    store.sweep()
+    assert left.exists()  # perhaps another server's upload
+    os.utime(left, (0, 0))
+    store.sweep()
+    assert not left.exists()
 
+
+def test_a_stored_map_survives_a_restart(client, settings):
     summary = upload(client).json()
     store = MapStore(settings.data_dir / "maps", 10)
     assert json.loads(json.dumps(store.list())) == [summary]

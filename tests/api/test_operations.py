@@ -45,6 +45,11 @@ def test_a_wrong_path_or_method_is_a_problem_too(client, method, path, status, c
     assert (status == 405) == ("allow" in answer.headers)
 
 
+def test_a_wrong_method_is_told_all_the_right_ones(client):
+    assert client.put("/v1/maps").headers["allow"] == "GET, POST"
+    assert client.put("/v1/maps/x").headers["allow"] == "DELETE, GET"
+
+
 @pytest.mark.parametrize("path", ["/v1/drives", "/v1/maps", "/v1/kinematics/inverse"])
 def test_json_is_not_forced_on_who_does_not_accept_it(client, path):
     method = "POST" if "kinematics" in path else "GET"

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from drives.se2 import Array, Pose, Twist, compose, exp
+from planner.collision import to_local
 from planner.environment import (
     CollisionWorld,
     linear_free,
@@ -23,6 +24,7 @@ from planner.environment import (
     warm_up,
 )
 from planner.problem import Bounds, Circle, Environment, Footprint, MapLayer, Polygon
+from planner.sweep import _advance
 
 ROOM = Bounds(-5.0, -4.0, 5.0, 4.0)
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -168,12 +170,36 @@ def test_a_pin_in_the_way_of_a_turning_bar_is_hit(
 
 
 def test_a_tip_that_runs_close_round_a_drum_still_hits_the_pin_beside_it() -> None:
-    tip = Footprint(np.array([[1.9, 0.0], [2.1, -0.1], [2.1, 0.1]]))
-    pin = Circle(2 * math.cos(5.0), 2 * math.sin(5.0), 1e-6)
-    world = CollisionWorld.build(Environment(ROOM, (Circle(0, 0, 1.88), pin)), tip)
-    assert world.linear_free(ORIGIN, Pose(0, 0, 4.9))
-    assert not world.linear_free(ORIGIN, Pose(0, 0, 5.2))
-    assert not world.twist_free(Pose(0, 0, 5.2), Twist(0, 0, -5.2))
+    pin = Circle(1.95 * math.cos(5.0), 1.95 * math.sin(5.0), 1e-6)
+    for tip, drum in ((np.array([[1.9, 0], [2.1, -0.1], [2.1, 0.1]]), 1.88), (np.array([[1.9, 0.0]]), 1.78)):
+        radius = 0.1 if len(tip) == 1 else 0.0
+        world = CollisionWorld.build(Environment(ROOM, (Circle(0, 0, drum), pin)), Footprint(tip, radius))
+        assert world.linear_free(ORIGIN, Pose(0, 0, 4.9))
+        assert not world.linear_free(ORIGIN, Pose(0, 0, 5.2))
+        assert not world.twist_free(Pose(0, 0, 5.2), Twist(0, 0, -5.2))
+
+
+@given(st.sampled_from(WORLDS), poses, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3), st.booleans())
+@settings(max_examples=600, deadline=None, derandomize=True)
+def test_no_single_step_along_an_edge_passes_a_contact(
+    case: tuple[Footprint, CollisionWorld], a: Pose, vx: float, vy: float, turn: float, arc: bool
+) -> None:
+    world = case[1]
+    if not world.is_free(a):
+        return
+    x, y, theta = to_local(world.kernel, *a)
+    c, s = math.cos(theta), math.sin(theta)
+    time = _advance(world.kernel, x, y, c, s, vx, vy, turn, turn if arc else 0.0, 1.0)
+    assert time > 0
+    if arc:
+        path = on_arc(a, Twist(vx * time, vy * time, turn * time), 100)
+    else:
+        path = on_line(
+            a,
+            Pose(a.x + (c * vx - s * vy) * time, a.y + (s * vx + c * vy) * time, a.theta + turn * time),
+            100,
+        )
+    assert world.clearance(path).min() > -1e-8  # contact itself it may reach
 
 
 def test_a_loop_that_returns_is_checked_at_its_far_side() -> None:

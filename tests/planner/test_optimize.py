@@ -1,0 +1,131 @@
+"""Direct optimization: faster than stopping, never at the price of a limit, an obstacle or the goal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drives import Ackermann, Differential, Mecanum, Swerve, Synchro, Tricycle
+from drives.drive import Drive, Limits
+from drives.se2 import Pose
+from drives.wheel import Module
+from planner.corridor import half_planes
+from planner.environment import CollisionWorld
+from planner.plan import Plan, plan
+from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Polygon, Problem, Robot
+
+SQUARE = Footprint(np.array([[-0.3, -0.25], [0.3, -0.25], [0.3, 0.25], [-0.3, 0.25]]))
+OPEN = Environment(Bounds(-12, -12, 12, 12))
+MODULES = tuple(
+    Module(f"m{i}", x, y) for i, (x, y) in enumerate([(0.2, 0.2), (0.2, -0.2), (-0.2, 0), (0, 0.3)])
+)
+STOPPING: list[Drive] = [
+    Differential(0.1, 0.5),
+    Tricycle(0.15, 1.2, 0.8),
+    Ackermann(0.15, 0.8, 0.5),
+    Synchro(0.06),
+]
+
+
+def robot(drive: Drive, jerk: float = np.inf, footprint: Footprint = SQUARE) -> Robot:
+    m = len(drive.wheel_names)
+    limits = Limits(np.full(m, 12.0), np.full(m, 14.0), np.full(m, jerk), steering_rate=1.5)
+    is_car = isinstance(drive, Ackermann | Tricycle)
+    return Robot(drive, footprint, replace(limits, steering_angle=0.7) if is_car else limits)
+
+
+def answer(problem: Problem, effort: str) -> Plan:
+    return plan(replace(problem, options=replace(problem.options, effort=effort, time_budget=20.0)))
+
+
+@pytest.mark.parametrize("drive", STOPPING, ids=lambda d: d.kind)
+def test_a_good_plan_on_open_floor_does_not_stop_and_is_faster_than_the_first(drive: Drive) -> None:
+    problem = Problem(robot(drive), Pose(0, 0, 0.3), Goal(5.0, 2.0, 1.2), OPEN)
+    first, good = answer(problem, "first"), answer(problem, "good")
+    assert first.planning["stops"] > 0
+    assert good.planning["stops"] == 0
+    assert good.duration < 0.99 * first.duration
+
+
+def test_the_best_plan_is_never_slower_than_the_good_one() -> None:
+    blocks = (Circle(2.0, 0.3, 0.8), Circle(4.0, -0.9, 0.7))
+    problem = Problem(
+        robot(Mecanum(0.05, 0.3, 0.4)), Pose(0, 0, 0), Goal(6.0, 0.0, 1.0), replace(OPEN, obstacles=blocks)
+    )
+    good = answer(problem, "good")
+    best = plan(replace(problem, options=Options(effort="best", time_budget=2.0)))
+    assert best.duration <= good.duration * (1 + 1e-9)
+
+
+def test_a_straight_line_of_a_differential_drive_is_as_fast_as_its_trapezoid() -> None:
+    problem = Problem(robot(Differential(0.1, 0.5)), Pose(0, 0, 0), Goal(4.0, 0.0, 0.0), OPEN)
+    speed, acceleration = 12.0 * 0.1, 14.0 * 0.1
+    assert answer(problem, "good").duration == pytest.approx(4 / speed + speed / acceleration, rel=1e-6)
+
+
+def test_forward_only_holds_for_optimized_motions() -> None:
+    problem = Problem(
+        robot(Differential(0.1, 0.5)), Pose(0, 0, 0), Goal(-2.0, 0.5, 0.0), OPEN, Options(reverse=False)
+    )
+    made = answer(problem, "good")
+    assert made.planning["optimized"]
+    assert made.schedule.twist[:, 0].min() > -1e-3
+
+
+def test_turning_radius_holds_for_optimized_motions() -> None:
+    options = Options(turning_radius=0.8)
+    problem = Problem(robot(Differential(0.1, 0.5)), Pose(0, 0, 0), Goal(0.0, 3.0, 3.0), OPEN, options)
+    made = answer(problem, "good")
+    assert made.planning["optimized"]
+    twist = made.schedule.twist
+    assert (np.abs(twist[:, 2]) * 0.8 <= np.abs(twist[:, 0]) * (1 + 1e-4) + 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    "drive", [*STOPPING, Mecanum(0.05, 0.3, 0.4), Swerve(0.05, MODULES)], ids=lambda d: d.kind
+)
+def test_optimized_motions_keep_the_jerk_limit(drive: Drive) -> None:
+    problem = Problem(robot(drive, jerk=140.0), Pose(0, 0, 0.3), Goal(4.0, 1.5, 1.2), OPEN)
+    assert answer(problem, "good").certificate.wheel_jerk_ratio <= 1.02
+
+
+def test_a_car_begins_with_the_steering_it_has_and_goes_on_from_there() -> None:
+    drive = Tricycle(0.15, 1.2, 0.8)
+    problem = Problem(robot(drive), Pose(0, 0, 0), Goal(5.0, 1.0, 0.4), OPEN, steering=np.array([-0.5]))
+    made = answer(problem, "good")
+    assert made.planning["optimized"]
+    assert made.schedule.steering_angle[0, 0] == pytest.approx(-0.5, abs=1e-9)
+    assert np.abs(np.diff(made.schedule.steering_angle[:, 0])).max() <= 1.5 * 0.02 * (1 + 1e-6)
+
+
+def test_between_obstacles_the_optimized_motion_keeps_clear() -> None:
+    gate = tuple(
+        Polygon(np.array([[1.8, y], [2.2, y], [2.2, y + 5.0], [1.8, y + 5.0]])) for y in (0.45, -5.45)
+    )
+    problem = Problem(
+        robot(Mecanum(0.05, 0.3, 0.4)), Pose(0, -2, 0), Goal(4.0, 2.0, 1.5), replace(OPEN, obstacles=gate)
+    )
+    made = answer(problem, "good")
+    assert made.planning["optimized"]
+    assert made.certificate.clearance > 0
+
+
+def test_half_planes_of_a_disc_before_a_wall_say_how_near_it_may_come() -> None:
+    wall = Polygon(np.array([[1.0, -5.0], [2.0, -5.0], [2.0, 5.0], [1.0, 5.0]]))
+    disc = Footprint(np.zeros((1, 2)), 0.2)
+    world = CollisionWorld.build(replace(OPEN, obstacles=(wall,)), disc, 0.1)
+    (plane,) = half_planes(world.kernel, np.array([[0.4, 0.3, math.pi / 3]]), False)[0]
+    assert plane[:2] == pytest.approx([-1.0, 0.0], abs=1e-12)
+    # n·point >= d: x <= 1 - radius - clearance, less a little to spare.
+    assert -0.71 < plane[4] < -0.69
+
+
+def test_half_planes_that_a_pose_does_not_keep_to_are_moved_to_where_it_does() -> None:
+    wall = Polygon(np.array([[1.0, -5.0], [2.0, -5.0], [2.0, 5.0], [1.0, 5.0]]))
+    world = CollisionWorld.build(replace(OPEN, obstacles=(wall,)), SQUARE)
+    pose = np.array([[0.695, 0.0, 0.0]])
+    for nx, ny, x, y, d in half_planes(world.kernel, pose, True)[0]:
+        assert nx * (pose[0, 0] + x) + ny * (pose[0, 1] + y) >= d
