@@ -81,7 +81,7 @@ def fill_field(world: World) -> None:
             k = field + i * columns + j
             if j == 0:
                 turns = winding(world, solids, fences, x, y, np.inf)
-            elif not last > step:  # else no boundary lies between the last centre and this one
+            elif not last > 1.0000001 * step:  # else no boundary lies between the last centre and this one
                 turns -= winding(world, solids, fences, before, y, x)
             last = nearest(world, solids, field, x, y, min(world[k], last + 1.0000001 * step))
             closed = turns > 0

@@ -17,6 +17,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
 from drives.se2 import Array, Pose, wrap
@@ -57,10 +58,11 @@ def is_path_free(world: CollisionWorld, path: Path) -> bool:
 
 
 class Motions(NamedTuple):
-    """Several ways to join each of n pairs of poses. times (n, ways) s, estimated, inf where there is no
-    such way; path(pair, way) is the motion itself."""
+    """Several ways to join each of n pairs of poses: times (n, ways) s, estimated, inf where there is no such
+    way; free() (n, ways), whether they are; path(pair, way), the motion itself."""
 
     times: Array
+    free: Callable[[], NDArray[np.bool_]]
     path: Callable[[int, int], Path]
 
 
@@ -94,15 +96,19 @@ class Connector(ABC):
 
     def connect(self, a: Pose, b: Pose) -> Path | None:
         """The quickest free motion from a to b, or None."""
-        times, path = self.motions(np.array([a]), np.array([b]))
-        paths = (path(0, int(way)) for way in np.argsort(times[0], kind="stable") if times[0, way] < np.inf)
-        return next((p for p in paths if is_path_free(self.world, p)), None)
+        motions = self.motions(np.array([a]), np.array([b]))
+        times = np.where(motions.free(), motions.times, np.inf)[0]
+        way = int(np.argmin(times))
+        return motions.path(0, way) if times[way] < np.inf else None
+
+    def durations(self, path: Path) -> Array:
+        """Estimates (n,) s of the time that each piece of a path takes from rest to rest."""
+        s = np.linspace(0.0, 1.0, 5)
+        return self._rest_to_rest(np.array([piece.body_path(s).tangent for piece in path]).reshape(-1, 5, 3))
 
     def duration(self, path: Path) -> float:
         """Estimate (s) of the time that a path takes, at rest between its pieces and at both ends."""
-        s = np.linspace(0.0, 1.0, 5)
-        tangents = np.array([piece.body_path(s).tangent for piece in path]).reshape(-1, 5, 3)
-        return float(self._rest_to_rest(tangents).sum()) + self._steering_time(path)
+        return float(self.durations(path).sum()) + self._steering_time(path)
 
     def _rest_to_rest(self, tangents: Array) -> Array:
         return duration_estimate(self.robot.drive, self.robot.limits, tangents)
@@ -131,10 +137,14 @@ class LineConnector(Connector):
         dx, dy = step[:, :1], step[:, 1:2]
         tangents = np.stack([c * dx + d * dy, c * dy - d * dx, np.broadcast_to(step[:, 2:], c.shape)], -1)
 
+        def free() -> NDArray[np.bool_]:
+            every: NDArray[np.bool_] = _lines_free(self.world.kernel, a, step)[:, None]
+            return every
+
         def path(pair: int, _: int) -> Path:
             return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
 
-        return Motions(self._rest_to_rest(tangents)[:, None], path)
+        return Motions(self._rest_to_rest(tangents)[:, None], free, path)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(linear_free(self.world.kernel, *a, b.x, b.y, a.theta + wrap(b.theta - a.theta)))
@@ -162,6 +172,12 @@ class PivotConnector(Connector):
             + _rest_to_rest(np.abs(last), spin, swing)
         )  # fmt: skip
 
+        def free() -> NDArray[np.bool_]:
+            every: NDArray[np.bool_] = _pivots_free(
+                self.world.kernel, a, first, np.outer(distance, sign), last
+            )
+            return every
+
         def path(pair: int, way: int) -> Path:
             begin, end = Pose(*a[pair].tolist()), b[pair].tolist()
             aligned = Pose(begin.x, begin.y, begin.theta + float(first[pair, way]))
@@ -172,7 +188,7 @@ class PivotConnector(Connector):
                 pivot(there, float(last[pair, way])),
             ])  # fmt: skip
 
-        return Motions(times, path)
+        return Motions(times, free, path)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(_pivot_free(self.world.kernel, *a, *b, self.reverse))
@@ -201,6 +217,10 @@ class CurveConnector(Connector):
             a, b, self.turning_radius, self.reverse, *self._limits, steering, self.ways
         )
 
+        def free() -> NDArray[np.bool_]:
+            every: NDArray[np.bool_] = _words_free(self.world.kernel, a, curvature, length)
+            return every
+
         def path(pair: int, way: int) -> Path:
             pieces: list[Piece] = []
             pose = Pose(*a[pair].tolist())
@@ -209,7 +229,7 @@ class CurveConnector(Connector):
                 pose = pieces[-1].end
             return merge(pieces)
 
-        return Motions(times, path)
+        return Motions(times, free, path)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         return [
@@ -317,6 +337,22 @@ def _quickest_words(
 
 
 @_kernel
+def _word_free(world: World, x: float, y: float, theta: float, curvature: Array, length: Array) -> bool:
+    """Whether arcs of curvature (5,) 1/m and length (5,) m, one after the other from a pose, are free."""
+    for k in range(len(length)):
+        ell = length[k]
+        if ell == 0.0:
+            continue
+        turn = curvature[k] * ell
+        if not twist_free(world, x, y, theta, ell, 0.0, turn):
+            return False
+        half = turn / 2
+        chord = ell if abs(half) < 1e-9 else ell * math.sin(half) / half
+        x, y, theta = x + chord * math.cos(theta + half), y + chord * math.sin(theta + half), theta + turn
+    return True
+
+
+@_kernel
 def _curve_free(
     world: World,
     ax: float,
@@ -332,18 +368,45 @@ def _curve_free(
     c, s = math.cos(ath), math.sin(ath)
     dx, dy = (bx - ax) / radius, (by - ay) / radius
     curvature, length = shortest_word(c * dx + s * dy, c * dy - s * dx, bth - ath, reverse)
-    x, y, theta = ax, ay, ath
-    for k in range(len(length)):
-        ell = length[k] * radius
-        if ell == 0.0:
-            continue
-        turn = curvature[k] * length[k]
-        if not twist_free(world, x, y, theta, ell, 0.0, turn):
-            return False
-        half = turn / 2
-        chord = ell if abs(half) < 1e-9 else ell * math.sin(half) / half
-        x, y, theta = x + chord * math.cos(theta + half), y + chord * math.sin(theta + half), theta + turn
-    return True
+    return _word_free(world, ax, ay, ath, curvature / radius, length * radius)
+
+
+@_kernel
+def _words_free(world: World, a: Array, curvature: Array, length: Array) -> NDArray[np.bool_]:
+    """Whether words (n, ways, 5) from poses a (n, 3) are free, (n, ways)."""
+    n, ways, _ = length.shape
+    free = np.zeros((n, ways), dtype=np.bool_)
+    for i in range(n):
+        for k in range(ways):
+            free[i, k] = _word_free(world, a[i, 0], a[i, 1], a[i, 2], curvature[i, k], length[i, k])
+    return free
+
+
+@_kernel
+def _lines_free(world: World, a: Array, step: Array) -> NDArray[np.bool_]:
+    """Whether straight lines from poses a by step (n, 3) are free, (n,)."""
+    free = np.zeros(len(a), dtype=np.bool_)
+    for i in range(len(a)):
+        x, y, theta = a[i, 0], a[i, 1], a[i, 2]
+        free[i] = linear_free(world, x, y, theta, x + step[i, 0], y + step[i, 1], theta + step[i, 2])
+    return free
+
+
+@_kernel
+def _pivots_free(world: World, a: Array, first: Array, way: Array, last: Array) -> NDArray[np.bool_]:
+    """Whether turning by first, driving straight by way and turning by last (n, ways) is free, (n, ways)."""
+    n, ways = way.shape
+    free = np.zeros((n, ways), dtype=np.bool_)
+    for i in range(n):
+        for k in range(ways):
+            x, y, theta = a[i, 0], a[i, 1], a[i, 2] + first[i, k]
+            ex, ey = x + way[i, k] * math.cos(theta), y + way[i, k] * math.sin(theta)
+            free[i, k] = (
+                linear_free(world, x, y, theta, ex, ey, theta)
+                and linear_free(world, x, y, a[i, 2], x, y, theta)
+                and linear_free(world, ex, ey, theta, ex, ey, theta + last[i, k])
+            )
+    return free
 
 
 @_kernel

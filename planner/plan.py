@@ -15,6 +15,7 @@ from drives import Ackermann, Differential, Mecanum, PoweredCaster
 from drives.drive import BodyPath, Limits
 from drives.se2 import Pose, wrap
 from drives.wheel import Module
+from planner import curves, environment
 from planner.connect import Connector, connector, is_path_free
 from planner.environment import CollisionWorld
 from planner.errors import (
@@ -28,7 +29,17 @@ from planner.errors import (
 )  # fmt: skip
 from planner.optimize import Optimizer
 from planner.path import Path
-from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Problem, Robot
+from planner.problem import (
+    Bounds,
+    Circle,
+    Environment,
+    Footprint,
+    Goal,
+    Options,
+    Polygon,
+    Problem,
+    Robot,
+)  # fmt: skip
 from planner.schedule import WheelSchedule, schedule, standstill
 from planner.search import Search
 from planner.shorten import shorten
@@ -182,7 +193,8 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
 def _refined(
     problem: Problem, world: CollisionWorld, candidates: list[_Candidate], watch: _Stopwatch
 ) -> list[_Candidate]:
-    """Faster motions near the candidates: for effort good near the first for which there is one, for best all."""
+    """Faster motions near the candidates: for effort good near the first for which there is one, for best
+    all."""
     effort, drive = problem.options.effort, problem.robot.drive
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps them.
     if effort == "first" or (effort == "good" and drive.settled is not drive):
@@ -292,20 +304,27 @@ class _Stopwatch:
 def warm_up() -> None:
     """Import and compile whatever the first plan would otherwise wait for, by planning a little of
     everything."""
+    environment.warm_up()
+    curves.warm_up()
     modules = tuple(Module(name, x, y) for name, x, y in (("left", 0.0, 0.2), ("right", 0.0, -0.2)))
-    for drive in (
-        Mecanum(0.05, 0.3, 0.4),
-        Differential(0.05, 0.3),
-        Ackermann(0.05, 0.4, 0.3),
-        PoweredCaster(0.05, 0.04, modules),
+    walls = tuple(
+        Polygon(np.array([[x, y], [x + 0.2, y], [x + 0.2, y + 3.0], [x, y + 3.0]]))
+        for x, y in ((-0.8, -3.0), (0.6, 0.0))
+    )
+    around = Environment(Bounds(-3.0, -3.0, 3.0, 3.0), (*walls, Circle(0.0, 0.1, 0.2)))
+    footprint = Footprint(np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]))
+    for drive, turned in (
+        (Mecanum(0.05, 0.3, 0.4), np.inf),
+        (Differential(0.05, 0.3), np.inf),
+        (Ackermann(0.05, 0.4, 0.3), 0.7),
+        (PoweredCaster(0.05, 0.04, modules), np.inf),
     ):
         m = len(drive.wheel_names)
-        robot = Robot(
-            drive,
-            Footprint(np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])),
-            Limits(np.full(m, 20.0), np.full(m, 40.0), np.full(m, np.inf), 0.7, 5.0)
-            if drive.steers_at_rest
-            else Limits(np.full(m, 20.0), np.full(m, 40.0), np.full(m, np.inf), steering_rate=5.0),
+        limits = Limits(np.full(m, 20.0), np.full(m, 40.0), np.full(m, np.inf), turned, 5.0)
+        # Compiling counts as planning time here.
+        options = Options(time_budget=600.0)
+        plan(
+            Problem(
+                Robot(drive, footprint, limits), Pose(-2.0, 0.0, 0.0), Goal(2.0, 0.0, 0.5), around, options
+            )
         )
-        around = Environment(Bounds(-3, -3, 3, 3), (Circle(0.0, 0.1, 0.5),))
-        plan(Problem(robot, Pose(-2, 0, 0), Goal(2, 0, 0.5), around, Options(time_budget=10.0)))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from drives.se2 import Array, Pose
-from planner.connect import Connector, is_path_free
+from planner.connect import Connector
 from planner.path import Path, merge
 
 __all__ = ["shorten"]
@@ -38,68 +37,33 @@ def shorten(path: Path, connector: Connector) -> Path:
     return best
 
 
-@dataclass(slots=True)
-class _Join:
-    """One way from station i to station j."""
-
-    i: int
-    j: int
-    time: float
-    pair: int
-    way: int
-    path: Path | None = None
-
-
 def _shortcut(path: Path, connector: Connector) -> Path:
-    poses, between = _stations(path)
-    last = len(poses) - 1
-    first, second = np.triu_indices(last + 1, 1)
+    poses, parts = _stations(path)
+    first, second = np.triu_indices(len(poses), 1)
     motions = connector.motions(poses[first], poses[second])
-    # Every pair may be joined by the connector's motions; neighbours also by what the path itself does there.
-    into: list[list[_Join]] = [[] for _ in poses]
-    pairs, ways = np.nonzero(np.isfinite(motions.times))
-    for pair, way, time in zip(
-        pairs.tolist(), ways.tolist(), motions.times[pairs, ways].tolist(), strict=True
-    ):
-        i, j = int(first[pair]), int(second[pair])
-        into[j].append(_Join(i, j, time, pair, way))
-    known = set()
-    for i, step in enumerate(between):
-        join = _Join(i, i + 1, connector.duration(step), -1, -1, step)
-        into[i + 1].append(join)
-        known.add(id(join))
-    # Lazy: find the quickest chain as if all were free, check what it uses, and again without what is not.
-    while True:
-        chain = _quickest(into)
-        blocked = False
-        for join in chain:
-            if id(join) in known:
-                continue
-            join.path = motions.path(join.pair, join.way)
-            if is_path_free(connector.world, join.path):
-                known.add(id(join))
-            else:
-                into[join.j] = [other for other in into[join.j] if other is not join]
-                blocked = True
-        if not blocked:
-            return _unwrapped(path[0].start, [join.path or () for join in chain])
-
-
-def _quickest(into: list[list[_Join]]) -> list[_Join]:
-    """The chain of joins from the first station to the last that takes least time."""
-    reach = [0.0] + [math.inf] * (len(into) - 1)
-    by: list[_Join | None] = [None] * len(into)
-    for j in range(1, len(into)):
-        for join in into[j]:
-            time = reach[join.i] + join.time
-            if time < reach[j]:
-                reach[j], by[j] = time, join
-    chain: list[_Join] = []
-    last = by[-1]
-    while last is not None:
-        chain.append(last)
-        last = by[last.i]
-    return chain[::-1]
+    times = np.where(motions.free(), motions.times, np.inf)
+    # Of every pair the quickest way; neighbours may also be joined by what the path itself does there.
+    way = times.argmin(1)
+    time = times[np.arange(len(way)), way]
+    own = np.full(len(time), np.inf)
+    own[second == first + 1] = connector.durations(parts)
+    cost = np.full((len(poses), len(poses)), np.inf)
+    cost[first, second] = np.minimum(time, own)
+    reach, by = np.zeros(len(poses)), np.zeros(len(poses), dtype=int)
+    for j in range(1, len(poses)):
+        total = reach[:j] + cost[:j, j]
+        by[j] = total.argmin()
+        reach[j] = total[by[j]]
+    chain = [len(poses) - 1]
+    while chain[-1] > 0:
+        chain.append(int(by[chain[-1]]))
+    pair = np.zeros(cost.shape, dtype=int)
+    pair[first, second] = np.arange(len(first))
+    steps: list[Path] = []
+    for i, j in zip(chain[:0:-1], chain[-2::-1], strict=True):
+        k = int(pair[i, j])
+        steps.append((parts[i],) if own[k] <= time[k] else motions.path(k, int(way[k])))
+    return _unwrapped(path[0].start, steps)
 
 
 def _unwrapped(start: Pose, steps: list[Path]) -> Path:
@@ -113,14 +77,13 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
     return merge(pieces)
 
 
-def _stations(path: Path) -> tuple[Array, list[Path]]:
+def _stations(path: Path) -> tuple[Array, Path]:
     """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
     shares = np.maximum(1, np.floor(_STATIONS * ways / ways.sum())).astype(int)
-    parts = [
+    parts = tuple(
         piece.part(k / n, (k + 1) / n)
         for piece, n in zip(path, shares.tolist(), strict=True)
         for k in range(n)
-    ]
-    poses = np.array([parts[0].start, *(part.end for part in parts)])
-    return poses, [(part,) for part in parts]
+    )
+    return np.array([parts[0].start, *(part.end for part in parts)]), parts

@@ -70,7 +70,7 @@ def floor() -> Environment:
 
 @pytest.fixture(scope="session")
 def clutter() -> Environment:
-    """A room of 6 m by 4 m about the origin: a wall at x = 0 with a gap 0.9 m wide at y = 0.65, a box, a post."""
+    """A room of 6 m by 4 m about the origin: a wall at x = 0 with a gap 0.9 m wide, a box, a post."""
     wall = [
         [[-0.1, -2.0], [0.1, -2.0], [0.1, 0.2], [-0.1, 0.2]],
         [[-0.1, 1.1], [0.1, 1.1], [0.1, 2.0], [-0.1, 2.0]],
@@ -82,8 +82,8 @@ def clutter() -> Environment:
 
 @pytest.fixture(scope="session")
 def ask(floor: Environment) -> Callable[..., Problem]:
-    """ask(kind, start, goal, environment, steering=, limits={...}, **options): a problem, on the open floor and
-    with time to spare, even to compile, unless told otherwise. Effort "first"."""
+    """ask(kind, start, goal, environment, steering=, limits={...}, **options): a problem. Unless told
+    otherwise on the open floor, of effort "first", with time to spare, even to compile."""
 
     def problem(
         kind: str,
@@ -98,7 +98,7 @@ def ask(floor: Environment) -> Callable[..., Problem]:
         wheels = len(made.drive.steered_names)
         return Problem(
             made, Pose(*start), Goal(*goal), environment,
-            Options(**{"time_budget": 120.0, "effort": "first", "seed": 3} | options),
+            Options(**{"time_budget": 60.0, "effort": "first", "seed": 3} | options),
             None if steering is None else np.broadcast_to(np.asarray(steering, dtype=float), wheels).copy(),
         )  # fmt: skip
 

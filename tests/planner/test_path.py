@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ from planner.path import LinePiece, Path, Piece, TwistPiece, end_pose, merge, pa
 
 number = st.floats(-5.0, 5.0)
 POSES = st.builds(Pose, number, number, st.floats(-10.0, 10.0))
-TWISTS = st.builds(Twist, number, number, st.one_of(st.just(0.0), st.floats(-7.0, 7.0), st.floats(-1e-6, 1e-6)))
+TWISTS = st.builds(
+    Twist, number, number, st.one_of(st.just(0.0), st.floats(-7.0, 7.0), st.floats(-1e-6, 1e-6))
+)
 PIECES: st.SearchStrategy[Piece] = st.one_of(
     st.builds(TwistPiece, POSES, TWISTS), st.builds(LinePiece, POSES, POSES)
 )
@@ -115,7 +118,7 @@ def test_parts_merge_to_the_whole(piece: Piece, cuts: list[float]) -> None:
     ends = [0.0, *sorted(cuts), 1.0]
     if min(np.diff(ends)) < 1e-3:
         return
-    whole = merge(piece.part(a, b) for a, b in zip(ends, ends[1:], strict=False))
+    whole = merge(piece.part(a, b) for a, b in pairwise(ends))
     assert len(whole) == 1
     assert whole[0].poses(FINE) == pytest.approx(piece.poses(FINE), abs=1e-8)
 

@@ -16,7 +16,13 @@ from drives import DRIVES
 from drives.se2 import Pose
 from planner import errors
 from planner.errors import (
-    AuditFailed, InvalidGeometry, LimitsInfeasible, NoPathExists, NoPathFound, PlanningError, PoseInCollision,
+    AuditFailed,
+    InvalidGeometry,
+    LimitsInfeasible,
+    NoPathExists,
+    NoPathFound,
+    PlanningError,
+    PoseInCollision,
     PoseOutOfBounds,
 )  # fmt: skip
 from planner.plan import MAX_SAMPLES, plan
@@ -136,7 +142,8 @@ def test_a_gap_narrower_than_the_robot_is_proven_to_be_closed(ask: Ask) -> None:
 def corner() -> Environment:
     """A corridor 0.6 m wide that turns a right angle at the origin."""
     return Environment(
-        Bounds(-4.0, -0.3, 0.3, 4.0), (Polygon(np.array([[-4.0, 0.3], [-0.3, 0.3], [-0.3, 4.0], [-4.0, 4.0]])),)
+        Bounds(-4.0, -0.3, 0.3, 4.0),
+        (Polygon(np.array([[-4.0, 0.3], [-0.3, 0.3], [-0.3, 4.0], [-4.0, 4.0]])),),
     )
 
 

@@ -1,4 +1,4 @@
-"""A schedule stands on the client's grid, cannot be written to, and its columns are each other's integrals."""
+"""A schedule stands on the client's grid, is read-only, and its columns are each other's integrals."""
 
 from __future__ import annotations
 

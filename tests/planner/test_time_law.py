@@ -96,7 +96,9 @@ def test_mecanum_diagonal_uses_two_wheels() -> None:
         made = time_path((piece,), drive, limits)
         assert made.duration == pytest.approx(expected, rel=1e-9)
         turned = np.abs(schedule(made, 0.02).wheel_angle[-1])
-        assert sorted(turned) == pytest.approx([0.0, 0.0, 3.0 * math.sqrt(2) / 0.05, 3.0 * math.sqrt(2) / 0.05])
+        assert sorted(turned) == pytest.approx(
+            [0.0, 0.0, 3.0 * math.sqrt(2) / 0.05, 3.0 * math.sqrt(2) / 0.05]
+        )
 
 
 @pytest.mark.parametrize("curvature", [0.5, -1.0, 4.0, -12.0])
@@ -163,7 +165,7 @@ def test_turning_on_a_line_keeps_every_limit_and_wastes_none(
     speed, acceleration = used(made, example.limits)
     assert speed.max() <= 1.001
     assert acceleration.max() <= 1.001
-    # Time-optimal is bang-bang: some limit is active at almost every moment (Bobrow, Dubowsky and Gibson, 1985).
+    # Time-optimal is bang-bang: some limit is active at almost every moment (Bobrow et al., 1985).
     assert np.mean(np.maximum(speed, acceleration) > 0.95) >= 0.9
     assert np.mean(np.maximum(speed, acceleration) > 0.97) >= 0.85
 
