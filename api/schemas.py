@@ -30,7 +30,7 @@ __all__ = [
 MAX_VERTICES = 500
 MAX_OBSTACLES = 10_000
 MAX_WHEELS = 32
-SAMPLE_PERIODS = (0.001, 0.2)
+SAMPLE_PERIODS = (0.001, 0.1)
 
 Vertices = Annotated[
     list[Annotated[list[Coordinate], Field(min_length=2, max_length=2)]],

@@ -177,8 +177,12 @@ def _candidates(problem: Problem, local: Connector, goals: list[Pose], watch: _S
         except LimitsInfeasible as error:
             refused = refused or error
         watch.lap("time")
-        if len(found) >= enough and planner != "direct":
-            break
+        if planner != "direct":
+            if len(found) >= enough:
+                break
+            if options.effort == "good":
+                # More ways are worth about as much work again as the first took.
+                search.allowance = 2 * search.work + 200 if search.allowance is None else search.allowance
         if watch.is_over():
             break
     if found:
@@ -307,11 +311,8 @@ def warm_up() -> None:
     environment.warm_up()
     curves.warm_up()
     modules = tuple(Module(name, x, y) for name, x, y in (("left", 0.0, 0.2), ("right", 0.0, -0.2)))
-    walls = tuple(
-        Polygon(np.array([[x, y], [x + 0.2, y], [x + 0.2, y + 3.0], [x, y + 3.0]]))
-        for x, y in ((-0.8, -3.0), (0.6, 0.0))
-    )
-    around = Environment(Bounds(-3.0, -3.0, 3.0, 3.0), (*walls, Circle(0.0, 0.1, 0.2)))
+    wall = Polygon(np.array([[-0.1, -4.0], [0.1, -4.0], [0.1, 1.0], [-0.1, 1.0]]))
+    around = Environment(Bounds(-4.0, -4.0, 4.0, 4.0), (wall, Circle(0.0, 1.0, 0.1)))
     footprint = Footprint(np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]))
     for drive, turned in (
         (Mecanum(0.05, 0.3, 0.4), np.inf),
@@ -322,9 +323,13 @@ def warm_up() -> None:
         m = len(drive.wheel_names)
         limits = Limits(np.full(m, 20.0), np.full(m, 40.0), np.full(m, np.inf), turned, 5.0)
         # Compiling counts as planning time here.
-        options = Options(time_budget=600.0)
-        plan(
-            Problem(
-                Robot(drive, footprint, limits), Pose(-2.0, 0.0, 0.0), Goal(2.0, 0.0, 0.5), around, options
-            )
+        problem = Problem(
+            Robot(drive, footprint, limits),
+            Pose(-2.0, 0.0, 0.0),
+            Goal(2.0, 0.0, 0.5),
+            around,
+            Options(time_budget=60.0),
         )
+        plan(problem)
+        world = CollisionWorld.build(around, footprint)
+        connector(problem.robot, world, problem.options).edge_free(problem.start, Pose(2.0, 0.0, 0.5))

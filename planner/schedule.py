@@ -52,14 +52,30 @@ def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
         time = np.append(time, duration)
     else:
         time[-1] = duration
-    out = trajectory.sample(time)
-    for column in (out.time, out.wheel_angle, out.wheel_velocity, out.wheel_acceleration, out.steering_angle,
-                   out.steering_rate, out.pose, out.twist):  # fmt: skip
-        column.flags.writeable = False
-    return out
+    return _frozen(trajectory.sample(time))
 
 
 def standstill(pose: Array, wheels: int, steering: Array) -> WheelSchedule:
     """The single sample of a robot that is where it should be: pose (3,), steering (k,)."""
     rest, still = np.zeros((1, wheels)), np.zeros((1, len(steering)))
-    return WheelSchedule(np.zeros(1), rest, rest, rest, steering[None], still, pose[None], np.zeros((1, 3)))
+    return _frozen(
+        WheelSchedule(
+            np.zeros(1),
+            rest,
+            rest,
+            rest,
+            np.array(steering)[None],
+            still,
+            np.array(pose)[None],
+            np.zeros((1, 3)),
+        )
+    )
+
+
+def _frozen(out: WheelSchedule) -> WheelSchedule:
+    for column in (
+        out.time, out.wheel_angle, out.wheel_velocity, out.wheel_acceleration, out.steering_angle,
+        out.steering_rate, out.pose, out.twist,
+    ):  # fmt: skip
+        column.flags.writeable = False
+    return out

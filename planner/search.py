@@ -61,13 +61,17 @@ class Search:
     ) -> None:
         self.connector, self.start, self.goals, self.seed = connector, start, goals, seed
         self.area = _area(environment)
+        self.work = 0
+        """Motions checked so far."""
+        self.allowance: int | None = None
+        """How many may be checked in all, None: as many as time allows."""
         self.tried: list[dict[str, Any]] = []
         """What was tried: planner, seed, motions checked and outcome of every turn."""
 
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
         turn = 0
-        while not clock():
+        while not clock() and not self._is_spent(0):
             name, work = _TURNS[min(turn, len(_TURNS) - 1 - turn % 2)]
             work *= 2 ** max(0, (turn - len(_TURNS)) // 2)
             path = self._solve(name, self.seed + turn, work, clock)
@@ -100,15 +104,21 @@ class Search:
             # Planners also spend work where they check no motion, such as on states that are not free.
             nonlocal asked
             asked += 1
-            return validator.count >= work or asked >= 20 * work or (asked % 16 == 0 and bool(clock()))
+            if validator.count >= work or asked >= 20 * work or self._is_spent(validator.count):
+                return True
+            return asked % 16 == 0 and bool(clock())
 
         status = planner.solve(ob.PlannerTerminationCondition(stop))
+        self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
         self.tried.append({
             "planner": name, "seed": seed, "motions_checked": validator.count,
             "outcome": "solved" if exact else "not solved",
         })  # fmt: skip
         return self._rebuild(definition.getSolutionPath()) if exact else None
+
+    def _is_spent(self, more: int) -> bool:
+        return self.allowance is not None and self.work + more >= self.allowance
 
     def _space(self) -> Any:
         x_min, y_min, x_max, y_max = self.area

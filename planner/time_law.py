@@ -28,6 +28,9 @@ from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 __all__ = ["duration_estimate", "time_path"]
 
 _GRID_START, _GRID_MAX = 96, 3000
+_PHASES = 7
+"""Of a profile by Ruckig, at most."""
+_BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
 _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
 """Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
 interval."""
@@ -45,7 +48,8 @@ def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None =
         needed = law.steering[0]
         if steering is not None and drive.steers_at_rest:
             _steer(phases, piece.start, steering, needed, limits)
-        phases.append(Driven(piece, _profile(grid, piece.body_path(grid), law, limits), grid, needed))
+        profile = _profile(grid, piece.body_path(grid), law, limits)
+        phases.append(Driven(piece, _slowed(profile, piece, grid, drive, limits, needed), grid, needed))
         steering = law.steering[-1]
     return Phases(drive, tuple(phases))
 
@@ -98,9 +102,34 @@ def _profile(grid: Array, path: BodyPath, law: ActuatorPath, limits: Limits) -> 
             jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
         top = np.abs(a).max()
         return _ruckig(math.sqrt(x_max.min()), 1 / top if top > 0 else math.inf, jerk)
-    if np.isfinite(limits.wheel_jerk).any():
-        return _bounded(grid, a, b, x_max, law, limits)
-    return _toppra(grid, a, b, x_max)
+    if not np.isfinite(limits.wheel_jerk).any():
+        for scheme in (DiscretizationType.Interpolation, DiscretizationType.Collocation):
+            found = _toppra(grid, a, b, x_max, scheme)
+            if found is not None:
+                return found
+    # Where the law is too steep for TOPPRA's own tolerances, too.
+    return _bounded(grid, a, b, x_max, law, limits)
+
+
+def _slowed(
+    profile: Profile, piece: Piece, grid: Array, drive: Drive, limits: Limits, steering: Array
+) -> Profile:
+    """The profile, slowed as a whole by what it exceeds a limit between the points that it was made for."""
+    if len(profile.position) <= _PHASES:
+        time = np.linspace(0.0, profile.duration, 4 * len(grid))
+    else:
+        time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
+    s, rate, acceleration = profile.at(time)
+    s, first = np.unique(s, return_index=True)
+    path = piece.body_path(s)
+    a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
+    x = rate[first] ** 2
+    over = np.abs(a * acceleration[first, None] + b * x[:, None]).max(1)
+    slower = math.sqrt(max(1.0, float(over.max()), float((x / x_max).max())))
+    return Profile(
+        profile.time * slower, profile.position, profile.velocity / slower, profile.acceleration / slower**2,
+        profile.jerk / slower**3,
+    )  # fmt: skip
 
 
 def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
@@ -166,11 +195,11 @@ class _Samples(AbstractGeometricPath):  # type: ignore[misc]
 class _ActuatorConstraint(LinearConstraint):  # type: ignore[misc]
     """|a·u + b·x| <= 1 and 0 <= x <= x_max at the grid points, with u = s̈ and x = ṡ²."""
 
-    def __init__(self, a: Array, b: Array, x_max: Array) -> None:
+    def __init__(self, a: Array, b: Array, x_max: Array, scheme: DiscretizationType) -> None:
         super().__init__()
         self.a, self.b, self.x_max = a, b, x_max
         self.identical = True
-        self.set_discretization_type(DiscretizationType.Interpolation)
+        self.set_discretization_type(scheme)
 
     def compute_constraint_params(
         self, path: AbstractGeometricPath, gridpoints: Array, *_: object
@@ -178,28 +207,32 @@ class _ActuatorConstraint(LinearConstraint):  # type: ignore[misc]
         rows = self.a.shape[1]
         identity = np.eye(rows)
         x_bound = np.column_stack([np.zeros_like(self.x_max), self.x_max])
-        a, b, c, f, g, _, _ = canlinear_colloc_to_interpolate(
-            self.a, self.b, np.zeros_like(self.a), np.vstack([identity, -identity]), np.ones(2 * rows),
-            None, None, gridpoints, identical=True,
-        )  # fmt: skip
+        a, b, c = self.a, self.b, np.zeros_like(self.a)
+        f, g = np.vstack([identity, -identity]), np.ones(2 * rows)
+        if self.get_discretization_type() == DiscretizationType.Interpolation:
+            a, b, c, f, g, _, _ = canlinear_colloc_to_interpolate(
+                a, b, c, f, g, None, None, gridpoints, identical=True
+            )
         return a, b, c, f, g, None, x_bound
 
 
-def _toppra(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
+def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: DiscretizationType) -> Profile | None:
     # In a unit of time near the answer: TOPPRA's tolerances are absolute.
     used = np.abs(a).max(0) > 1e-9
     unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
-    rows = _ActuatorConstraint(a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6))
+    rows = _ActuatorConstraint(
+        a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6), scheme
+    )
     solver = TOPPRA(
         [rows], _Samples(), gridpoints=grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel"
     )
     _, rate, *_ = solver.compute_parameterization(0.0, 0.0)
     if rate is None or not np.isfinite(rate).all():
-        raise LimitsInfeasible("no motion along the path meets the limits")
+        return None
     rate = np.maximum(rate, 0.0) / unit
     mean = (rate[:-1] + rate[1:]) / 2
     if (mean <= 0).any():
-        raise LimitsInfeasible("the limits stop the robot on its path")
+        return None
     h = np.diff(grid)
     acceleration = (rate[1:] ** 2 - rate[:-1] ** 2) / (2 * h)
     time = np.concatenate([[0.0], np.cumsum(h / mean)])
@@ -220,7 +253,8 @@ def _bounded(grid: Array, a: Array, b: Array, x_max: Array, law: ActuatorPath, l
     v = math.sqrt(x_max.min()) * np.geomspace(0.02, 1.0, 60)[:, None]
     share = np.linspace(0.05, 1.0, 20)[None]
     acceleration = share * (1 - a1 * v**2) / a0
-    jerk = (1 - 3 * j1 * v * acceleration - j2 * v**3) / j0
+    with np.errstate(divide="ignore"):
+        jerk = (1 - 3 * j1 * v * acceleration - j2 * v**3) / np.float64(j0)
     valid = (acceleration > 0) & (jerk > 0)
     if not valid.any():
         raise LimitsInfeasible("the jerk limit does not allow the path")

@@ -128,7 +128,7 @@ class Driven:
 
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
         s, rate, acceleration = self.profile.at(time)
-        fine, place = np.unique(np.concatenate([self.grid, s]), return_inverse=True)
+        fine, here = _union(self.grid, s)
         path = self.piece.body_path(fine)
         law = drive.actuators(path, self.steering)
         h = np.diff(fine)[:, None]
@@ -136,7 +136,6 @@ class Driven:
         # Euler–Maclaurin: the trapezoid rule and its end correction, fourth order in h.
         gained = h / 2 * (w[:-1] + w[1:]) + h**2 / 12 * (dw[:-1] - dw[1:])
         turned = angle + np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
-        here = place[len(self.grid) :]
         v, a = rate[:, None], acceleration[:, None]
         out.wheel_angle[rows] = turned[here]
         out.wheel_velocity[rows] = w[here] * v
@@ -147,6 +146,18 @@ class Driven:
         out.twist[rows] = path.tangent[here] * v
         end: Array = turned[-1]
         return end
+
+
+def _union(grid: Array, at: Array) -> tuple[Array, NDArray[np.intp]]:
+    """The points of a grid and of `at` in order, those alike but for rounding as one; and where `at` are
+    in it."""
+    every = np.concatenate([grid, at])
+    order = np.argsort(every, kind="stable")
+    apart = np.diff(every[order]) > 1e-12 * (grid[-1] - grid[0])
+    group = np.concatenate([[0], np.cumsum(apart)])
+    place = np.empty(len(every), dtype=np.intp)
+    place[order] = group
+    return every[order][np.concatenate([[True], apart])], place[len(grid) :]
 
 
 _GAUSS_AT = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
@@ -175,8 +186,7 @@ class Flowing:
         return float(self.time[-1])
 
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
-        knots, place = np.unique(np.concatenate([self.time, time]), return_inverse=True)
-        here = place[len(self.time) :]
+        knots, here = _union(self.time, time)
         # Every interval is halved, for Simpson's rule: within it all rates are smooth.
         fine = np.empty(2 * len(knots) - 1)
         fine[::2], fine[1::2] = knots, (knots[:-1] + knots[1:]) / 2
