@@ -26,7 +26,7 @@ __all__ = ["Shape", "Solver", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
-_REGULARIZATION = 1e-6
+_REGULARIZATION = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +166,7 @@ def solver(shape: Shape) -> Solver:
     equal = [low == high for low, high in zip(lower, upper, strict=True)]
     options: dict[str, Any] = {
         "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 1e-2, "max_iter": 100},
+        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 3e-2, "max_iter": 100},
     }  # fmt: skip
     function = ca.nlpsol("fastest", "fatrop", program, options)
     return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))
@@ -194,7 +194,7 @@ def _stage(shape: Shape) -> _Stage:
     p = ca.vertcat(*symbols.values())
 
     def function(name: str, given: list[Any], rows: list[Any]) -> Any:
-        return ca.Function(name, given, [ca.vertcat(*rows)])
+        return ca.Function(name, given, [ca.cse(ca.vertcat(*rows))])
 
     return _Stage(
         p.shape[0],
