@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from api import planning  # noqa: F401
-from planner import plan
+from planner import warm_up
 
-plan.warm_up()
+warm_up.warm_up()

@@ -13,16 +13,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple, TypeVar, cast
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
 from drives.se2 import Array, Pose, wrap
-from planner.curves import dubins_words, reeds_shepp_words, shortest_word
-from planner.environment import CollisionWorld, World, linear_free, twist_free
+from planner.edges import curve_free, lines_free, pivot_free, pivots_free, quickest_words, words_free
+from planner.environment import CollisionWorld, linear_free
 from planner.path import LinePiece, Path, Piece, arc, merge, pivot
 from planner.problem import Options, Robot
 from planner.time_law import duration_estimate
@@ -39,12 +38,6 @@ __all__ = [
 
 _NOTHING = 1e-9
 """Ways (m) and turns (rad) below this are rounding, not motion."""
-
-_F = TypeVar("_F", bound=Callable[..., Any])
-
-
-def _kernel(function: _F) -> _F:
-    return cast(_F, njit(cache=True, error_model="numpy")(function))
 
 
 def is_path_free(world: CollisionWorld, path: Path) -> bool:
@@ -138,7 +131,7 @@ class LineConnector(Connector):
         tangents = np.stack([c * dx + d * dy, c * dy - d * dx, np.broadcast_to(step[:, 2:], c.shape)], -1)
 
         def free() -> NDArray[np.bool_]:
-            every: NDArray[np.bool_] = _lines_free(self.world.kernel, a, step)[:, None]
+            every: NDArray[np.bool_] = lines_free(self.world.kernel, a, step)[:, None]
             return every
 
         def path(pair: int, _: int) -> Path:
@@ -173,7 +166,7 @@ class PivotConnector(Connector):
         )  # fmt: skip
 
         def free() -> NDArray[np.bool_]:
-            every: NDArray[np.bool_] = _pivots_free(
+            every: NDArray[np.bool_] = pivots_free(
                 self.world.kernel, a, first, np.outer(distance, sign), last
             )
             return every
@@ -191,7 +184,7 @@ class PivotConnector(Connector):
         return Motions(times, free, path)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
-        return bool(_pivot_free(self.world.kernel, *a, *b, self.reverse))
+        return bool(pivot_free(self.world.kernel, *a, *b, self.reverse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,12 +206,12 @@ class CurveConnector(Connector):
 
     def motions(self, a: Array, b: Array) -> Motions:
         steering = abs(self._steering_angle(1 / self.turning_radius)) / self.robot.limits.steering_rate
-        times, curvature, length = _quickest_words(
+        times, curvature, length = quickest_words(
             a, b, self.turning_radius, self.reverse, *self._limits, steering, self.ways
         )
 
         def free() -> NDArray[np.bool_]:
-            every: NDArray[np.bool_] = _words_free(self.world.kernel, a, curvature, length)
+            every: NDArray[np.bool_] = words_free(self.world.kernel, a, curvature, length)
             return every
 
         def path(pair: int, way: int) -> Path:
@@ -238,7 +231,7 @@ class CurveConnector(Connector):
         ]
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
-        return bool(_curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
+        return bool(curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
 
     def _steering_angle(self, curvature: float) -> float:
         """Of a single wheel at the middle, rad; 0 for a robot that need not stop to steer."""
@@ -283,148 +276,3 @@ def _rest_to_rest(way: Array, speed: Any, acceleration: Any) -> Array:
     cruises = way * acceleration > speed**2
     time: Array = np.where(cruises, way / speed + speed / acceleration, 2 * np.sqrt(way / acceleration))
     return time
-
-
-@_kernel
-def _quickest_words(
-    a: Array,
-    b: Array,
-    radius: float,
-    reverse: bool,
-    speed: Array,
-    acceleration: Array,
-    steering: float,
-    ways: int,
-) -> tuple[Array, Array, Array]:
-    """The words from a (n, 3) to b (n, 3) that take least time, at most `ways` each, the quickest first.
-
-    speed, acceleration (2,): on straights and on curves. steering s: from straight to the curve. Returns
-    times (n, ways), curvature (n, ways, 5) 1/m, length (n, ways, 5) m.
-    """
-    n = len(a)
-    times = np.full((n, ways), np.inf)
-    curvatures, lengths = np.zeros((n, ways, 5)), np.zeros((n, ways, 5))
-    for i in range(n):
-        c, s = math.cos(a[i, 2]), math.sin(a[i, 2])
-        dx, dy = (b[i, 0] - a[i, 0]) / radius, (b[i, 1] - a[i, 1]) / radius
-        x, y, phi = c * dx + s * dy, c * dy - s * dx, b[i, 2] - a[i, 2]
-        words, arcs, count = reeds_shepp_words(x, y, phi) if reverse else dubins_words(x, y, phi)
-        for k in range(count):
-            time, last = 0.0, -2.0
-            for j in range(words.shape[1]):
-                ell = abs(arcs[k, j]) * radius
-                if ell == 0.0:
-                    continue
-                curve = words[k, j]
-                bent = 1 if curve != 0.0 else 0
-                v, accel = speed[bent], acceleration[bent]
-                time += ell / v + v / accel if ell * accel > v * v else 2 * math.sqrt(ell / accel)
-                if last != -2.0:
-                    time += abs(curve - last) * steering
-                last = curve
-            if time >= times[i, ways - 1]:
-                continue
-            place = ways - 1
-            while place > 0 and times[i, place - 1] > time:
-                times[i, place] = times[i, place - 1]
-                curvatures[i, place] = curvatures[i, place - 1]
-                lengths[i, place] = lengths[i, place - 1]
-                place -= 1
-            times[i, place] = time
-            curvatures[i, place] = words[k] / radius
-            lengths[i, place] = arcs[k] * radius
-    return times, curvatures, lengths
-
-
-@_kernel
-def _word_free(world: World, x: float, y: float, theta: float, curvature: Array, length: Array) -> bool:
-    """Whether arcs of curvature (5,) 1/m and length (5,) m, one after the other from a pose, are free."""
-    for k in range(len(length)):
-        ell = length[k]
-        if ell == 0.0:
-            continue
-        turn = curvature[k] * ell
-        if not twist_free(world, x, y, theta, ell, 0.0, turn):
-            return False
-        half = turn / 2
-        chord = ell if abs(half) < 1e-9 else ell * math.sin(half) / half
-        x, y, theta = x + chord * math.cos(theta + half), y + chord * math.sin(theta + half), theta + turn
-    return True
-
-
-@_kernel
-def _curve_free(
-    world: World,
-    ax: float,
-    ay: float,
-    ath: float,
-    bx: float,
-    by: float,
-    bth: float,
-    radius: float,
-    reverse: bool,
-) -> bool:
-    """Whether the shortest word from a to b is free everywhere."""
-    c, s = math.cos(ath), math.sin(ath)
-    dx, dy = (bx - ax) / radius, (by - ay) / radius
-    curvature, length = shortest_word(c * dx + s * dy, c * dy - s * dx, bth - ath, reverse)
-    return _word_free(world, ax, ay, ath, curvature / radius, length * radius)
-
-
-@_kernel
-def _words_free(world: World, a: Array, curvature: Array, length: Array) -> NDArray[np.bool_]:
-    """Whether words (n, ways, 5) from poses a (n, 3) are free, (n, ways)."""
-    n, ways, _ = length.shape
-    free = np.zeros((n, ways), dtype=np.bool_)
-    for i in range(n):
-        for k in range(ways):
-            free[i, k] = _word_free(world, a[i, 0], a[i, 1], a[i, 2], curvature[i, k], length[i, k])
-    return free
-
-
-@_kernel
-def _lines_free(world: World, a: Array, step: Array) -> NDArray[np.bool_]:
-    """Whether straight lines from poses a by step (n, 3) are free, (n,)."""
-    free = np.zeros(len(a), dtype=np.bool_)
-    for i in range(len(a)):
-        x, y, theta = a[i, 0], a[i, 1], a[i, 2]
-        free[i] = linear_free(world, x, y, theta, x + step[i, 0], y + step[i, 1], theta + step[i, 2])
-    return free
-
-
-@_kernel
-def _pivots_free(world: World, a: Array, first: Array, way: Array, last: Array) -> NDArray[np.bool_]:
-    """Whether turning by first, driving straight by way and turning by last (n, ways) is free, (n, ways)."""
-    n, ways = way.shape
-    free = np.zeros((n, ways), dtype=np.bool_)
-    for i in range(n):
-        for k in range(ways):
-            x, y, theta = a[i, 0], a[i, 1], a[i, 2] + first[i, k]
-            ex, ey = x + way[i, k] * math.cos(theta), y + way[i, k] * math.sin(theta)
-            free[i, k] = (
-                linear_free(world, x, y, theta, ex, ey, theta)
-                and linear_free(world, x, y, a[i, 2], x, y, theta)
-                and linear_free(world, ex, ey, theta, ex, ey, theta + last[i, k])
-            )
-    return free
-
-
-@_kernel
-def _pivot_free(
-    world: World, ax: float, ay: float, ath: float, bx: float, by: float, bth: float, reverse: bool
-) -> bool:
-    """Whether turning towards b, driving there and turning on is free everywhere, forwards or backwards."""
-    dx, dy = bx - ax, by - ay
-    for sign in (1.0, -1.0):
-        if sign < 0 and not reverse:
-            break
-        course = math.atan2(sign * dy, sign * dx)
-        first = math.pi - (math.pi - (course - ath)) % math.tau
-        last = math.pi - (math.pi - (bth - course)) % math.tau
-        if (
-            linear_free(world, ax, ay, ath + first, bx, by, ath + first)
-            and linear_free(world, ax, ay, ath, ax, ay, ath + first)
-            and linear_free(world, bx, by, ath + first, bx, by, ath + first + last)
-        ):
-            return True
-    return False

@@ -107,7 +107,10 @@ class Program:
                 nx, ny, d = (planes[3 * j + k, i] for k in range(3))
                 cos, sin = ca.cos(now[2]), ca.sin(now[2])
                 if self.drive.fixed_body_heading is not None:
-                    cos, sin = math.cos(self.drive.fixed_body_heading), math.sin(self.drive.fixed_body_heading)
+                    cos, sin = (
+                        math.cos(self.drive.fixed_body_heading),
+                        math.sin(self.drive.fixed_body_heading),
+                    )
                 for vx, vy in self.vertices:
                     px, py = now[0] + cos * vx - sin * vy, now[1] + sin * vx + cos * vy
                     beyond.append(nx * px + ny * py - d)
@@ -168,7 +171,9 @@ class Program:
         rows = [after[: 3 + self.size] - arrived]
         if self.casters:
             c = self.casters
-            rates = [self._swing(x, u, at * h, stages[c * k : c * k + c])[0] for k, at in enumerate(_RADAU_AT)]
+            rates = [
+                self._swing(x, u, at * h, stages[c * k : c * k + c])[0] for k, at in enumerate(_RADAU_AT)
+            ]
             for k in range(3):
                 gained = h * sum(_RADAU[k, j] * rates[j] for j in range(3))
                 rows.append(stages[c * k : c * k + c] - x[3 + self.size :] - gained)

@@ -13,7 +13,7 @@ import math
 import platform
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import islice
@@ -31,9 +31,10 @@ from benchmarks.duration.starts import from_schedule, other_ways
 from drives.se2 import Array
 from planner.environment import CollisionWorld
 from planner.errors import PlanningError
-from planner.plan import plan, warm_up
+from planner.plan import plan
 from planner.problem import Options, Problem
 from planner.schedule import WheelSchedule
+from planner.warm_up import warm_up
 
 __all__ = ["Known", "improve", "load", "main", "save"]
 
@@ -84,8 +85,10 @@ def save(known: dict[str, dict[str, list[Known]]], command: str) -> None:
     STORED.write_text(body)
 
 
-def improve(drive: str, which: Set, known: Known, starts: int, log: Any = None) -> Known:
-    """The best known so far, or a better one."""
+def improve(
+    drive: str, which: Set, known: Known, starts: int, log: Callable[[str, str], None] | None = None
+) -> Known:
+    """The best known so far, or a better one. log: told of every attempt and its outcome."""
     problem = query(drive, which, known.draw)
     room = world(problem)
     best = known
@@ -136,11 +139,12 @@ def _solved(
     goal[:2] = problem.goal.x, problem.goal.y
     assert problem.goal.theta is not None
     goal[2] = problem.goal.theta + math.tau * round((goal[2] - problem.goal.theta) / math.tau)
-    spare, best = 0, math.inf
+    spare, best, hit = 0, math.inf, np.zeros((knots + 1, 0, 3))
     for _ in range(_ROUNDS if which == "clutter" else 1):
         planes: Array = np.zeros((knots + 1, 0, 3))
         if which == "clutter":
-            planes = half_planes(problem, guess.pose, PLANES, _SPARE[spare])
+            planes = half_planes(problem, guess.pose, PLANES - hit.shape[1], _SPARE[spare])
+            planes = np.concatenate([planes, hit], 1)
         found = program(drive, knots, which == "clutter").solve(guess, start, goal, planes)
         if found is None:
             yield None, "no solution"
@@ -152,12 +156,18 @@ def _solved(
             if which == "open" or str(failure) != "collides" or spare + 1 == len(_SPARE):
                 return
             spare += 1
+            hit = half_planes(problem, found.pose, 2, _SPARE[spare])
             continue
         yield made, ""
+        hit = hit[:, :0]
         if made.time[-1] > _GAIN * best:
             return
         best = float(made.time[-1])
         guess = from_schedule(problem, made, knots)
+
+
+def _say(name: str, outcome: str) -> None:
+    print(f"    {name}: {outcome[:110]}")
 
 
 def main() -> None:
@@ -177,12 +187,16 @@ def main() -> None:
             rows = known.setdefault(drive, {}).setdefault(which, [])
             if len(rows) < given.limit:
                 draws = range(COUNT) if which == "open" else solvable(drive, which)
-                rows += [Known(draw) for draw in islice(draws, given.limit) if draw > max((r.draw for r in rows), default=-1)]
+                rows += [
+                    Known(draw)
+                    for draw in islice(draws, given.limit)
+                    if draw > max((r.draw for r in rows), default=-1)
+                ]
             begin = time.perf_counter()
             for i, row in enumerate(rows[: given.limit]):
                 if row.duration < math.inf and not given.again:
                     continue
-                log = (lambda *said: print("   ", *said)) if given.verbose else None
+                log = _say if given.verbose else None
                 rows[i] = improve(drive, which, row, given.starts, log)
                 print(drive, which, rows[i].draw, f"{rows[i].duration:.3f}", rows[i].by, flush=True)
                 save(known, "python -m benchmarks.duration.reference " + " ".join(sys.argv[1:]))

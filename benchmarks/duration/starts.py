@@ -114,7 +114,9 @@ def _straight(problem: Problem, knots: int, ride: int | None, way: int) -> tuple
     rate[[0, -1]] = 0.0
     c, d = np.cos(theta), np.sin(theta)
     twist = np.stack([c * rate[:, 0] + d * rate[:, 1], c * rate[:, 1] - d * rate[:, 0], rate[:, 2]], -1)
-    return f"line {'even' if ride is None else ride} {way}", Guess(time, pose, twist, _swing(problem, time, twist))
+    return f"line {'even' if ride is None else ride} {way}", Guess(
+        time, pose, twist, _swing(problem, time, twist)
+    )
 
 
 def _words(problem: Problem, radii: tuple[float, ...] | list[float]) -> Iterator[tuple[str, list[_Segment]]]:
@@ -125,7 +127,9 @@ def _words(problem: Problem, radii: tuple[float, ...] | list[float]) -> Iterator
     for radius in radii:
         curves, lengths, count = reeds_shepp_words(apart.x / radius, apart.y / radius, wrap(apart.theta))
         for curve, length in zip(curves[:count], lengths[:count], strict=True):
-            segments = [(float(ell * radius), float(k * ell)) for k, ell in zip(curve, length, strict=True) if ell]
+            segments = [
+                (float(ell * radius), float(k * ell)) for k, ell in zip(curve, length, strict=True) if ell
+            ]
             if not segments:
                 continue
             kind = "".join("LSR"[1 - round(k)] + "-+"[int(ell > 0)]

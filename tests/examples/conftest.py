@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from planner.plan import warm_up
+from planner.warm_up import warm_up
 
 
 @pytest.fixture(scope="package", autouse=True)

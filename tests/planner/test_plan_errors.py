@@ -15,6 +15,7 @@ import pytest
 from drives import DRIVES
 from drives.se2 import Pose
 from planner import errors
+from planner.candidates import MAX_SAMPLES
 from planner.errors import (
     AuditFailed,
     InvalidGeometry,
@@ -25,7 +26,7 @@ from planner.errors import (
     PoseInCollision,
     PoseOutOfBounds,
 )  # fmt: skip
-from planner.plan import MAX_SAMPLES, plan
+from planner.plan import plan
 from planner.problem import Bounds, Circle, Environment, Footprint, Polygon, Problem
 
 Ask = Callable[..., Problem]

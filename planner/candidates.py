@@ -1,0 +1,155 @@
+"""Motions to choose from: found, shortened and timed with stops, then optimized so that they flow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import chain
+
+import numpy as np
+
+from drives.se2 import Pose
+from planner.connect import Connector, is_path_free
+from planner.environment import CollisionWorld
+from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
+from planner.optimize import Optimizer
+from planner.path import Path
+from planner.problem import Problem
+from planner.search import Search
+from planner.shorten import shorten
+from planner.stopwatch import Stopwatch
+from planner.time_law import time_path
+from planner.trajectory import Phases
+
+__all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
+
+MAX_SAMPLES = 200_000
+"""A schedule longer than this many samples is refused as infeasible."""
+
+_GOOD_CANDIDATES = 3
+_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A timed motion from the start to a goal. planner: who found its path; optimized: whether it was
+    since."""
+
+    planner: str
+    timed: Phases
+    optimized: bool = False
+
+
+def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> list[Candidate]:
+    """Motions to choose from, the fastest first; at least one, or a PlanningError.
+
+    Effort first: one, with stops. Good: a few, and what optimizing the best of them gives. Best: as many
+    as time allows, each optimized.
+    """
+    effort, drive = problem.options.effort, problem.robot.drive
+    optimizer = Optimizer(problem, local.world, watch.is_over)
+    found: list[Candidate] = []
+
+    def optimize(near: Candidate, rounds: int) -> bool:
+        faster = optimizer.faster(near.timed, rounds, alone=near.planner == "direct")
+        if faster is not None:
+            found.append(Candidate(near.planner, faster, optimized=True))
+        watch.lap("optimize")
+        return faster is not None
+
+    if effort == "best":
+        known: set[float] = set()
+        for near in _stopping(problem, local, goals, watch):
+            found.append(near)
+            # A search often finds the same way again.
+            duration = round(near.timed.duration, 6)
+            if duration not in known and not watch.is_over():
+                optimize(near, _BEST_ROUNDS)
+            known.add(duration)
+    else:
+        found += _stopping(problem, local, goals, watch)
+        # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
+        if effort == "good" and drive.settled is drive:
+            for near in sorted(found, key=_duration)[:_GOOD_TRIES]:
+                if watch.is_over() or optimize(near, _GOOD_ROUNDS):
+                    break
+    return sorted(found, key=_duration)
+
+
+def _duration(candidate: Candidate) -> float:
+    return candidate.timed.duration
+
+
+def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
+    """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
+    options, robot = problem.options, problem.robot
+    search = Search(local, problem.environment, problem.start, goals, options.seed)
+    enough = {"first": 1, "good": _GOOD_CANDIDATES, "best": math.inf}[options.effort]
+    count = 0
+    refused: LimitsInfeasible | None = None
+    direct = _direct(problem.start, local, goals)
+    if not direct:
+        _refuse_if_separated(problem, local.world)
+    ways: Iterator[tuple[str, Path]] = (("direct", path) for path in direct)
+    if not direct or options.effort == "best":
+        ways = chain(ways, search.paths(watch.is_over))
+    for planner, path in ways:
+        watch.lap("search")
+        if planner != "direct":
+            path = shorten(path, local)
+            watch.lap("shorten")
+        try:
+            timed = time_path(path, robot.drive, robot.limits, problem.steering)
+            _refuse_if_endless(timed, options.sample_period)
+            watch.lap("time")
+            yield Candidate(planner, timed)
+            count += 1
+        except LimitsInfeasible as error:
+            refused = refused or error
+        if watch.is_over() or count >= enough:
+            break
+        if planner != "direct" and options.effort == "good" and search.allowance is None:
+            # More ways are worth about as much work again as the first took.
+            search.allowance = 2 * search.work + 200
+    if count == 0:
+        raise refused or NoPathFound(
+            f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried
+        )
+
+
+def _direct(start: Pose, local: Connector, goals: list[Pose]) -> list[Path]:
+    """The quickest free ways, by estimate, that need no search."""
+    ways = [
+        (float(time), motions, pair, way)
+        for motions in local.direct(np.repeat([start], len(goals), 0), np.array(goals))
+        for (pair, way), time in np.ndenumerate(motions.times)
+        if time < np.inf
+    ]
+    best: list[Path] = []
+    for _, motions, pair, way in sorted(ways, key=lambda w: w[0]):
+        path = motions.path(pair, way)
+        if is_path_free(local.world, path):
+            best.append(path)
+            if len(best) == _GOOD_CANDIDATES:
+                break
+    return best
+
+
+def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
+    cut = world.separation(problem.start, problem.goal)
+    if cut is not None:
+        raise NoPathExists(
+            f"a disc of radius {cut.radius:.3f} m inside the footprint cannot pass from start to goal",
+            proof={
+                "method": "separation of the largest disc inside the footprint",
+                **{name: float(value) for name, value in asdict(cut).items()},
+            },
+        )
+
+
+def _refuse_if_endless(timed: Phases, period: float) -> None:
+    if timed.duration / period > MAX_SAMPLES:
+        raise LimitsInfeasible(
+            f"the motion would take {timed.duration:.6g} s, more than {MAX_SAMPLES} samples of {period:g} s"
+        )
