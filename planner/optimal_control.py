@@ -26,7 +26,9 @@ __all__ = ["Shape", "Solver", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
-_REGULARIZATION = 1e-5
+_EFFORT = 1e-4
+"""Share of the duration that the guess's effort, the mean square of the controls, is weighed with: it
+settles what would be undetermined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +108,8 @@ class Solver:
         rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
         """
         n, m = self.shape.knots, self.shape.state
-        packed = np.concatenate([np.ravel(parameters[name]) for name in self.shape.parameters()])
+        effort = _EFFORT / max(float((controls**2).sum()), 1e-9)
+        packed = np.concatenate([*(np.ravel(parameters[name]) for name in self.shape.parameters()), [effort]])
         first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
         found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
         if not self._function.stats()["success"]:
@@ -130,6 +133,7 @@ def solver(shape: Shape) -> Solver:
     u = pairs[shape.state :, :]
     shared = ca.MX.sym("shared", stage.parameters)
     planes = ca.MX.sym("planes", 5 * shape.planes, n + 1)
+    effort = ca.MX.sym("effort")
     stepped = ca.horzsplit(x[:, 1:] - stage.step.map(n)(x[:, :-1], u))
     speeds = ca.horzsplit(stage.speeds.map(n)(x[:, 1:], ca.repmat(shared, 1, n)))
     changes = ca.horzsplit(stage.changes.map(n)(x[:, :-1], u, ca.repmat(shared, 1, n)))
@@ -160,8 +164,8 @@ def solver(shape: Shape) -> Solver:
             if i > 0 and gaps:
                 hold(gaps[i - 1], 0, ca.inf)
     program = {
-        "x": variables, "p": ca.vertcat(shared, ca.vec(planes)), "g": ca.vertcat(*rows),
-        "f": x[-1, n] + ca.sumsqr(u) * (_REGULARIZATION / n),
+        "x": variables, "p": ca.vertcat(shared, ca.vec(planes), effort), "g": ca.vertcat(*rows),
+        "f": x[-1, n] + ca.sumsqr(u) * effort,
     }  # fmt: skip
     equal = [low == high for low, high in zip(lower, upper, strict=True)]
     options: dict[str, Any] = {
