@@ -204,13 +204,17 @@ class Pool:
         return await self._start_worker()
 
     async def _start_worker(self) -> _Worker:
+        failures = 0
         while True:
             try:
                 worker = await asyncio.get_running_loop().run_in_executor(self._threads, self._fork)
             except Exception as error:
                 log(event="a worker did not start", error=repr(error))
-                self._started = self._started and bool(self._workers)
-                await asyncio.sleep(_RETRY_AFTER)
+                # A fork may fail once, on a machine under load; twice in a row is no accident.
+                failures += 1
+                if failures > 1:
+                    self._started = self._started and bool(self._workers)
+                    await asyncio.sleep(_RETRY_AFTER)
             else:
                 if not self._started:
                     log(event="ready")
