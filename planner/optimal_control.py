@@ -26,9 +26,9 @@ __all__ = ["Shape", "Solver", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
-_EFFORT = 1e-4
-"""Share of the duration that the guess's effort, the mean square of the controls, is weighed with: it
-settles what would be undetermined."""
+_EFFORT = (1e-3, 2e-2)
+"""Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
+settles what would be undetermined; where that is not enough the second is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +108,15 @@ class Solver:
         rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
         """
         n, m = self.shape.knots, self.shape.state
-        effort = _EFFORT / max(float((controls**2).sum()), 1e-9)
-        packed = np.concatenate([*(np.ravel(parameters[name]) for name in self.shape.parameters()), [effort]])
+        given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
         first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
-        found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
-        if not self._function.stats()["success"]:
+        for share in _EFFORT:
+            effort = share / max(float((controls**2).sum()), 1e-9)
+            packed = np.concatenate([*given, [effort]])
+            found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
+            if self._function.stats()["success"]:
+                break
+        else:
             return None
         values = np.array(found["x"]).ravel()
         if not np.isfinite(values).all():
@@ -170,7 +174,7 @@ def solver(shape: Shape) -> Solver:
     equal = [low == high for low, high in zip(lower, upper, strict=True)]
     options: dict[str, Any] = {
         "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 3e-2, "max_iter": 100},
+        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 3e-2, "max_iter": 70},
     }  # fmt: skip
     function = ca.nlpsol("fastest", "fatrop", program, options)
     return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))
