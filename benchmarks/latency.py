@@ -1,4 +1,4 @@
-"""How long a plan takes, and what optimizing it gains: every request in examples/, effort first and good, warm.
+"""How long a plan takes, and what optimizing gains: every request in examples/, effort first and good, warm.
 
 python -m benchmarks.latency [--repeat N]
 """

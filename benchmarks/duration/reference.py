@@ -69,8 +69,10 @@ def load() -> dict[str, dict[str, list[Known]]]:
 
 def save(known: dict[str, dict[str, list[Known]]], command: str) -> None:
     """Store it, one query a line."""
+    before = json.loads(STORED.read_text())["about"].get("commands", []) if STORED.exists() else []
     about = {
-        "command": command, "seed": SEED, "python": platform.python_version(),
+        "commands": [*before, command] if command not in before else before,
+        "seed": SEED, "python": platform.python_version(),
         **{name: version(name) for name in ("casadi", "numpy")},
     }  # fmt: skip
     drives = []
