@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -14,20 +14,20 @@ from planner.connect import Connector, is_path_free
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.optimize import Optimizer
-from planner.path import Path
+from planner.path import Path, Piece, TwistPiece
 from planner.problem import Problem
 from planner.search import Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
-from planner.trajectory import Phases
+from planner.trajectory import Driven, Phases
 
 __all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
 
 MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
-_GOOD_CANDIDATES = 3
+_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, 3
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
 
 
@@ -71,7 +71,7 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
         found += _stopping(problem, local, goals, watch)
         # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
         if effort == "good" and drive.settled is drive:
-            for near in sorted(found, key=_duration)[:_GOOD_TRIES]:
+            for near in sorted(found, key=_flowing)[:_GOOD_TRIES]:
                 if watch.is_over() or optimize(near, _GOOD_ROUNDS):
                     break
     return sorted(found, key=_duration)
@@ -79,6 +79,24 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
 
 def _duration(candidate: Candidate) -> float:
     return candidate.timed.duration
+
+
+def _flowing(candidate: Candidate) -> float:
+    """About how long (s) the motion would take if it did not stop but where it changes direction."""
+    driven = [phase for phase in candidate.timed.phases if isinstance(phase, Driven)]
+    cruising = math.fsum(1 / float(phase.profile.velocity.max()) for phase in driven)
+    # Stopping and starting again takes as long as cruising over the same ramps does once more.
+    ramps = math.fsum(
+        a.profile.duration - 1 / float(a.profile.velocity.max())
+        for a, b in pairwise(driven)
+        if _heads(a.piece) * _heads(b.piece) < 0
+    )
+    return cruising + ramps
+
+
+def _heads(piece: Piece) -> float:
+    """Whether a piece goes forwards (> 0) or backwards as it begins; 0 for others."""
+    return piece.twist.vx if isinstance(piece, TwistPiece) else 0.0
 
 
 def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
@@ -107,7 +125,7 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             count += 1
         except LimitsInfeasible as error:
             refused = refused or error
-        if watch.is_over() or count >= enough:
+        if watch.is_over() or (count >= enough and not (planner == "direct" and options.effort == "good")):
             break
         if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.
@@ -131,7 +149,7 @@ def _direct(start: Pose, local: Connector, goals: list[Pose]) -> list[Path]:
         path = motions.path(pair, way)
         if is_path_free(local.world, path):
             best.append(path)
-            if len(best) == _GOOD_CANDIDATES:
+            if len(best) == _DIRECT_CANDIDATES:
                 break
     return best
 
