@@ -110,7 +110,8 @@ class Solver:
         n, m = self.shape.knots, self.shape.state
         given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
         first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
-        for share in _EFFORT:
+        # Among obstacles a second try costs too much for what it seldom brings.
+        for share in _EFFORT if self.shape.planes == 0 else _EFFORT[:1]:
             effort = share / max(float((controls**2).sum()), 1e-9)
             packed = np.concatenate([*given, [effort]])
             found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
