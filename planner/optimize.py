@@ -85,7 +85,8 @@ class Optimizer:
         return None
 
     def _is_free(self, motion: Phases) -> bool:
-        # Speeds differ along the motion, but chords of its arcs lie well within the contact tolerance.
+        # Chords between poses: an arc strays from them by less than the certificate's tolerance, which has
+        # the last word.
         steps = math.ceil(_length(motion) / _STEP) + 100
         pose = motion.sample(np.linspace(0.0, motion.duration, steps)).pose
         return self.world.polyline_free(pose) < 0

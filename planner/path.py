@@ -11,7 +11,7 @@ import numpy as np
 from drives.drive import BodyPath
 from drives.se2 import Array, Pose, Twist, compose, exp
 
-__all__ = ["LinePiece", "Path", "Piece", "TwistPiece", "arc", "end_pose", "merge", "path_length", "pivot"]
+__all__ = ["LinePiece", "Path", "Piece", "TwistPiece", "arc", "merge", "pivot"]
 
 _SAME_TWIST = 1e-12
 
@@ -118,15 +118,6 @@ def pivot(start: Pose, turn: float) -> TwistPiece:
 
 def _turned(pose: Pose, turns: float) -> Pose:
     return Pose(pose.x, pose.y, pose.theta + turns)
-
-
-def end_pose(path: Path) -> Pose:
-    return path[-1].end
-
-
-def path_length(path: Path) -> float:
-    """Way of the body origin, m."""
-    return sum(piece.length for piece in path)
 
 
 def merge(pieces: Iterable[Piece]) -> Path:

@@ -62,8 +62,8 @@ class Phases:
             angle = phase.fill(self.drive, local, out, slice(first, end), angle)
             begin += phase.duration
         # A motion begins and ends at rest. A steering rate may jump there: report the side that is rest.
-        for i in (0, -1) if n else ():
-            out.steering_rate[i] = out.wheel_velocity[i] = out.twist[i] = 0.0
+        rest = (time <= 0.0) | (time >= self.duration * (1 - 1e-12))
+        out.steering_rate[rest] = out.wheel_velocity[rest] = out.twist[rest] = 0.0
         return out
 
 

@@ -167,7 +167,7 @@ def odometry(drive: Any, wheel: Array, steering: Array) -> tuple[Array, Array, A
         case Tricycle():
             front, angle = wheel[:, 0], steering[:, 0]
             return r * front * np.cos(angle), none, r * front * np.sin(angle) / drive.wheelbase
-    raise NotImplementedError
+    raise AssertionError(f"no textbook odometry for {drive.kind}")
 
 
 @pytest.mark.parametrize("kind", ["differential", "mecanum", "tricycle"])

@@ -13,7 +13,7 @@ import pytest
 from drives.se2 import Pose, wrap
 from planner.connect import connector
 from planner.environment import CollisionWorld
-from planner.path import Path, path_length
+from planner.path import Path
 from planner.problem import Bounds, Environment, Polygon, Problem
 from planner.search import Search
 from planner.shorten import shorten
@@ -149,4 +149,4 @@ def test_a_shortened_path_is_free_no_slower_and_joins_the_same_poses(
     assert shorter[0].start.theta == pytest.approx(problem.start.theta)
     for piece, after in itertools.pairwise(shorter):
         assert after.start.theta == pytest.approx(piece.end.theta, abs=1e-9)
-    assert path_length(shorter) < 30.0
+    assert sum(piece.length for piece in shorter) < 30.0
