@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from itertools import chain, pairwise
+from itertools import chain
 
 import numpy as np
 
@@ -13,14 +13,15 @@ from drives.se2 import Pose
 from planner.connect import Connector, is_path_free
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
+from planner.guess import flowing_time
 from planner.optimize import Optimizer
-from planner.path import Path, Piece, TwistPiece
+from planner.path import Path
 from planner.problem import Problem
 from planner.search import Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
-from planner.trajectory import Driven, Phases
+from planner.trajectory import Phases
 
 __all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
 
@@ -71,7 +72,9 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
         found += _stopping(problem, local, goals, watch)
         # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
         if effort == "good" and drive.settled is drive:
-            for near in sorted(found, key=_flowing)[:_GOOD_TRIES]:
+            for near in sorted(found, key=lambda near: flowing_time(near.timed, problem.robot.limits))[
+                :_GOOD_TRIES
+            ]:
                 if watch.is_over() or optimize(near, _GOOD_ROUNDS):
                     break
     return sorted(found, key=_duration)
@@ -79,24 +82,6 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
 
 def _duration(candidate: Candidate) -> float:
     return candidate.timed.duration
-
-
-def _flowing(candidate: Candidate) -> float:
-    """About how long (s) the motion would take if it did not stop but where it changes direction."""
-    driven = [phase for phase in candidate.timed.phases if isinstance(phase, Driven)]
-    cruising = math.fsum(1 / float(phase.profile.velocity.max()) for phase in driven)
-    # Stopping and starting again takes as long as cruising over the same ramps does once more.
-    ramps = math.fsum(
-        a.profile.duration - 1 / float(a.profile.velocity.max())
-        for a, b in pairwise(driven)
-        if _heads(a.piece) * _heads(b.piece) < 0
-    )
-    return cruising + ramps
-
-
-def _heads(piece: Piece) -> float:
-    """Whether a piece goes forwards (> 0) or backwards as it begins; 0 for others."""
-    return piece.twist.vx if isinstance(piece, TwistPiece) else 0.0
 
 
 def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:

@@ -175,7 +175,7 @@ def solver(shape: Shape) -> Solver:
     equal = [low == high for low, high in zip(lower, upper, strict=True)]
     options: dict[str, Any] = {
         "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 3e-2, "max_iter": 70},
+        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 3e-2, "max_iter": 100},
     }  # fmt: skip
     function = ca.nlpsol("fastest", "fatrop", program, options)
     return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))

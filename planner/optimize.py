@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -14,16 +13,17 @@ from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
 from planner.corridor import half_planes
 from planner.environment import CollisionWorld
+from planner.guess import Coordinates, Guess, flowing, flowing_time, sampled
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.schedule import WheelSchedule
-from planner.trajectory import Flowing, Phase, Phases, Steer
+from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
 
 _KNOTS = (16, 24, 32, 48, 64, 96)
-_INTERVAL, _SPACING = 0.45, 0.35
-"""Time (s), and among obstacles way (m), between knots to aim at. Half the time is often spent at stops."""
+_INTERVAL, _SPACING = 0.3, 0.35
+"""Time (s), and among obstacles way (m), between knots to aim at."""
 _TRIES = 3
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
@@ -52,11 +52,11 @@ class Optimizer:
         whether to try first without them, which is quick, and where they are far that is enough.
         """
         if alone:
-            knots = _knots(motion, math.inf)
+            knots = _knots(motion, self.problem.robot.limits, math.inf)
             found = self._solve(self._guess(motion, knots), np.zeros((knots + 1, 0, 5)))
             if found is not None and self._is_free(found):
                 return found if found.duration < motion.duration else None
-        knots = _knots(motion, _SPACING)
+        knots = _knots(motion, self.problem.robot.limits, _SPACING)
         best = motion
         for _ in range(rounds):
             found = self._in_corridor(best, knots)
@@ -92,7 +92,7 @@ class Optimizer:
         return self.world.polyline_free(pose) < 0
 
     @cached_property
-    def _coordinates(self) -> Literal["twist", "unicycle", "car"]:
+    def _coordinates(self) -> Coordinates:
         robot, options = self.problem.robot, self.problem.options
         match robot.drive.mobility(robot.limits):
             case Holonomic():
@@ -121,20 +121,12 @@ class Optimizer:
         most = 1 / self._turning_radius
         return float(np.clip(np.mean(tangent / (x + y * tangent)), -most, most))
 
-    def _guess(self, motion: Phases, knots: int) -> _Guess:
-        time = np.linspace(0.0, motion.duration, knots + 1)
-        rough = motion.sample(time)
-        if self._coordinates == "twist":
-            return _Guess(time, rough.pose, rough.twist)
-        if self._coordinates == "unicycle":
-            return _Guess(time, rough.pose, rough.twist[:, [0, 2]])
-        fine = motion.sample(np.linspace(0.0, motion.duration, 20 * knots + 1))
-        v, omega = fine.twist[:, 0], fine.twist[:, 2]
-        moving = np.abs(v) > 1e-6
-        bend = np.interp(time, fine.time[moving], omega[moving] / v[moving])
-        return _Guess(time, rough.pose, np.stack([rough.twist[:, 0], bend], -1))
+    def _guess(self, motion: Phases, knots: int) -> Guess:
+        if any(isinstance(phase, Driven) for phase in motion.phases):
+            return flowing(motion, self.problem.robot.limits, self._coordinates, knots)
+        return sampled(motion, self._coordinates, knots)
 
-    def _solve(self, guess: _Guess, planes: Array) -> Phases | None:
+    def _solve(self, guess: Guess, planes: Array) -> Phases | None:
         """The fastest motion near a guess on the right side of planes (n + 1, p, 5), slowed to keep all
         limits."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
@@ -227,17 +219,10 @@ class Optimizer:
         return Phases(drive, (*lead, motion))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Guess:
-    """A motion at n + 1 equally distant times: time (n + 1,), pose (n + 1, 3), coordinates (n + 1, c)."""
-
-    time: Array
-    pose: Array
-    coordinates: Array
-
-
-def _knots(motion: Phases, spacing: float) -> int:
-    wanted = max(motion.duration / _INTERVAL, _length(motion) / spacing)
+def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
+    stops = any(isinstance(phase, Driven) for phase in motion.phases)
+    time = flowing_time(motion, limits) if stops else motion.duration
+    wanted = max(time / _INTERVAL, _length(motion) / spacing)
     return next((n for n in _KNOTS if wanted <= n), _KNOTS[-1])
 
 

@@ -25,7 +25,7 @@ from planner.errors import LimitsInfeasible
 from planner.path import Path, Piece
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 
-__all__ = ["duration_estimate", "time_path"]
+__all__ = ["cruising_speed", "duration_estimate", "time_path"]
 
 _GRID_START, _GRID_MAX = 96, 3000
 _PHASES = 7
@@ -52,6 +52,14 @@ def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None =
         phases.append(Driven(piece, _slowed(profile, piece, grid, drive, limits, needed), grid, needed))
         steering = law.steering[-1]
     return Phases(drive, tuple(phases))
+
+
+def cruising_speed(drive: Drive, limits: Limits, path: BodyPath) -> Array:
+    """The largest ṡ (n,) that limits of rates alone allow along a path. Trailing wheels are taken to
+    have swung round."""
+    _, _, x_max = _rows(path, drive.settled.actuators(path), limits)
+    speed: Array = np.sqrt(x_max)
+    return speed
 
 
 def duration_estimate(drive: Drive, limits: Limits, tangents: Array) -> Array:
