@@ -1,0 +1,121 @@
+"""Where an optimization begins: poses and coordinates of a motion at equal steps of time.
+
+A motion that stops between its pieces is no good one: half of its time goes by at stops, so half of the knots
+would stand there. Here it flows: the twists of its pieces, each at cruising speed, follow one another and are
+smoothed by a moving average over the time that it takes to get to speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from drives.drive import Limits
+from drives.se2 import Array
+from planner.time_law import cruising_speed
+from planner.trajectory import Driven, Phases
+
+__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "sampled"]
+
+Coordinates = Literal["twist", "unicycle", "car"]
+"""(vx, vy, omega), (v, omega) or (v, curvature), see trajectory.Flowing."""
+
+_SHARES = np.linspace(0.0, 1.0, 41)
+_FINE = 2000
+_BEND_WINDOW = 2.0
+"""Over how much more time than speeds a car's curvature is smoothed: wheels are slow to steer."""
+_STILL = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guess:
+    """A motion at n + 1 equally distant times: time (n + 1,), pose (n + 1, 3), coordinates (n + 1, c)."""
+
+    time: Array
+    pose: Array
+    coordinates: Array
+
+
+def flowing_time(motion: Phases, limits: Limits) -> float:
+    """About how long (s) a motion would take if it only stopped where it changes direction."""
+    cruise, _, twist = _cruising(motion, limits)
+    forward = np.sign(twist[np.abs(twist[:, 0]) > _STILL, 0]) if not twist[:, 1].any() else np.zeros(0)
+    turns = np.count_nonzero(np.diff(forward))
+    return float(cruise[-1]) + (1 + turns) * _ramp(limits)
+
+
+def flowing(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
+    """A motion from stop to stop as if it flowed. Its poses stay on the path, which is known to be free."""
+    cruise, pose, twist = _cruising(motion, limits)
+    ramp = _ramp(limits)
+    time = np.linspace(0.0, cruise[-1] + ramp, knots + 1)
+    # Cruising lasts from ramp / 2 on; before and after it the robot rests.
+    middle = time - ramp / 2
+    within = np.clip(middle, 0.0, cruise[-1])
+    there = np.stack([np.interp(within, cruise, column) for column in pose.T], -1)
+    rates = _smoothed(cruise, twist, middle, ramp, rest=True)
+    match coordinates:
+        case "twist":
+            return Guess(time, there, rates)
+        case "unicycle":
+            return Guess(time, there, rates[:, [0, 2]])
+        case "car":
+            v, omega = twist[:, 0], twist[:, 2]
+            bend = np.divide(omega, v, out=np.zeros_like(v), where=np.abs(v) > _STILL)
+            bend = _smoothed(cruise, bend[:, None], middle, _BEND_WINDOW * ramp, rest=False)
+            return Guess(time, there, np.column_stack([rates[:, 0], bend]))
+
+
+def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
+    """A motion as it is."""
+    time = np.linspace(0.0, motion.duration, knots + 1)
+    rough = motion.sample(time)
+    match coordinates:
+        case "twist":
+            return Guess(time, rough.pose, rough.twist)
+        case "unicycle":
+            return Guess(time, rough.pose, rough.twist[:, [0, 2]])
+        case "car":
+            fine = motion.sample(np.linspace(0.0, motion.duration, 20 * knots + 1))
+            v, omega = fine.twist[:, 0], fine.twist[:, 2]
+            moving = np.abs(v) > _STILL
+            bend = np.interp(time, fine.time[moving], omega[moving] / v[moving])
+            return Guess(time, rough.pose, np.column_stack([rough.twist[:, 0], bend]))
+
+
+def _ramp(limits: Limits) -> float:
+    """Time (s) from rest to full speed."""
+    return float((limits.wheel_speed / limits.wheel_acceleration).max())
+
+
+def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:
+    """Time (n,), poses and twists (n, 3) along the pieces of a motion, always as fast as rates allow."""
+    times, poses, twists = [], [], []
+    begin = 0.0
+    for phase in motion.phases:
+        if isinstance(phase, Driven):
+            path = phase.piece.body_path(_SHARES)
+            speed = cruising_speed(motion.drive, limits, path)
+            lasting = np.diff(_SHARES) * (1 / speed[1:] + 1 / speed[:-1]) / 2
+            times.append(begin + np.concatenate([[0.0], np.cumsum(lasting)]))
+            poses.append(phase.piece.poses(_SHARES))
+            twists.append(path.tangent * speed[:, None])
+            begin = float(times[-1][-1])
+    return np.concatenate(times), np.concatenate(poses), np.concatenate(twists)
+
+
+def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:
+    """Means (n, c) over windows of time around `at`. rest: beyond the ends, columns are 0, else as at the
+    ends."""
+    fine = np.linspace(at[0] - width / 2, at[-1] + width / 2, _FINE + 1)
+    # Where one piece ends, the next counts.
+    i = np.clip(np.searchsorted(cruise, fine, side="right") - 1, 0, len(cruise) - 1)
+    values = columns[i] * ((fine >= 0) & (fine <= cruise[-1]))[:, None] if rest else columns[i]
+    steps = (values[1:] + values[:-1]) / 2 * (fine[1] - fine[0])
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, 0)])
+    means = [
+        (np.interp(at + width / 2, fine, c) - np.interp(at - width / 2, fine, c)) / width for c in total.T
+    ]
+    return np.stack(means, -1)
