@@ -22,7 +22,7 @@ from drives.drive import Car, Holonomic, Unicycle
 from drives.se2 import Array, Pose, wrap
 from planner.edges import curve_free, lines_free, pivot_free, pivots_free, quickest_words, words_free
 from planner.environment import CollisionWorld, linear_free
-from planner.path import LinePiece, Path, Piece, arc, merge, pivot
+from planner.path import LinePiece, Path, Piece, TwistPiece, arc, merge, pivot
 from planner.problem import Options, Robot
 from planner.time_law import duration_estimate
 
@@ -35,6 +35,10 @@ __all__ = [
     "connector",
     "is_path_free",
 ]
+
+_OVERLAPPING = 0.5
+"""Share of the time to steer, or to turn on the spot, that is lost where the robot drives
+meanwhile, roughly."""
 
 _NOTHING = 1e-9
 """Ways (m) and turns (rad) below this are rounding, not motion."""
@@ -52,9 +56,11 @@ def is_path_free(world: CollisionWorld, path: Path) -> bool:
 
 class Motions(NamedTuple):
     """Several ways to join each of n pairs of poses: times (n, ways) s, estimated, inf where there is no such
-    way; free() (n, ways), whether they are; path(pair, way), the motion itself."""
+    way; heads (n, ways, 2), whether they begin and end forwards (> 0), backwards (< 0) or neither; free() (n,
+    ways), whether they are; path(pair, way), the motion itself."""
 
     times: Array
+    heads: Array
     free: Callable[[], NDArray[np.bool_]]
     path: Callable[[int, int], Path]
 
@@ -63,13 +69,15 @@ class Motions(NamedTuple):
 class Connector(ABC):
     """How one kind of mobility joins two poses, and the state space in which OMPL searches for it.
 
-    turning_radius m: of the curves, 0 where there are none.
+    turning_radius m: of the curves, 0 where there are none. flows: whether motions are timed as if they only
+    stopped where they change direction, which is what an optimizer makes of them, or as they stop.
     """
 
     robot: Robot
     world: CollisionWorld
     reverse: bool = True
     turning_radius: float = 0.0
+    flows: bool = False
 
     @property
     def state_space(self) -> Literal["SE2", "ReedsShepp", "Dubins"]:
@@ -94,17 +102,25 @@ class Connector(ABC):
         way = int(np.argmin(times))
         return motions.path(0, way) if times[way] < np.inf else None
 
+    @cached_property
+    def reversal(self) -> float:
+        """Time (s) of a change of direction, beside that of the motions before and after it."""
+        limits = self.robot.limits
+        return float((limits.wheel_speed / limits.wheel_acceleration).max()) if self.flows else 0.0
+
     def durations(self, path: Path) -> Array:
-        """Estimates (n,) s of the time that each piece of a path takes from rest to rest."""
+        """Estimates (n,) s of the time that each piece of a path takes."""
         s = np.linspace(0.0, 1.0, 5)
         return self._rest_to_rest(np.array([piece.body_path(s).tangent for piece in path]).reshape(-1, 5, 3))
 
     def duration(self, path: Path) -> float:
-        """Estimate (s) of the time that a path takes, at rest between its pieces and at both ends."""
-        return float(self.durations(path).sum()) + self._steering_time(path)
+        """Estimate (s) of the time that a path takes."""
+        way = [np.sign(p.twist.vx) for p in path if isinstance(p, TwistPiece) and p.twist.vx != 0]
+        reversals = np.count_nonzero(np.diff(way)) * self.reversal
+        return float(self.durations(path).sum()) + reversals + self._steering_time(path)
 
     def _rest_to_rest(self, tangents: Array) -> Array:
-        return duration_estimate(self.robot.drive, self.robot.limits, tangents)
+        return duration_estimate(self.robot.drive, self.robot.limits, tangents, self.flows)
 
     def _steering_time(self, path: Path) -> float:
         return 0.0
@@ -115,7 +131,7 @@ class Connector(ABC):
         # Rest to rest over a way so short, and so long, that only one of them counts.
         unit = np.array(twists, dtype=np.float64)[:, None, :]
         short, long = self._rest_to_rest(unit * 1e-6), self._rest_to_rest(unit * 1e9)
-        return 1e9 / long, 4e-6 / short**2
+        return 1e9 / long, np.full_like(long, np.inf) if self.flows else 4e-6 / short**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +153,7 @@ class LineConnector(Connector):
         def path(pair: int, _: int) -> Path:
             return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
 
-        return Motions(self._rest_to_rest(tangents)[:, None], free, path)
+        return Motions(self._rest_to_rest(tangents)[:, None], np.zeros((len(a), 1, 2)), free, path)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(linear_free(self.world.kernel, *a, b.x, b.y, a.theta + wrap(b.theta - a.theta)))
@@ -147,6 +163,11 @@ class LineConnector(Connector):
 class PivotConnector(Connector):
     """Unicycle: turn on the spot towards the goal, drive straight, turn on the spot. Forwards or
     backwards."""
+
+    def _rest_to_rest(self, tangents: Array) -> Array:
+        times = super()._rest_to_rest(tangents)
+        on_the_spot = ~tangents[..., :2].any((1, 2))
+        return np.where(on_the_spot & self.flows, _OVERLAPPING * times, times)
 
     @cached_property
     def _limits(self) -> tuple[Array, Array]:
@@ -181,7 +202,8 @@ class PivotConnector(Connector):
                 pivot(there, float(last[pair, way])),
             ])  # fmt: skip
 
-        return Motions(times, free, path)
+        heads = np.broadcast_to(sign[:, None] * (distance > _NOTHING)[:, None, None], (len(a), len(sign), 2))
+        return Motions(times, heads, free, path)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(pivot_free(self.world.kernel, *a, *b, self.reverse))
@@ -205,10 +227,13 @@ class CurveConnector(Connector):
         return np.array([straight, min(left, right)]), np.array([push, min(push_left, push_right)])
 
     def motions(self, a: Array, b: Array) -> Motions:
-        steering = abs(self._steering_angle(1 / self.turning_radius)) / self.robot.limits.steering_rate
+        steering = abs(self._steering_angle(1 / self.turning_radius)) * self._steering_slowness
         times, curvature, length = quickest_words(
-            a, b, self.turning_radius, self.reverse, *self._limits, steering, self.ways
+            a, b, self.turning_radius, self.reverse, *self._limits, steering, self.reversal, self.ways
         )
+        first = np.argmax(length != 0, -1)
+        last = length.shape[-1] - 1 - np.argmax(length[..., ::-1] != 0, -1)
+        heads = np.sign(np.take_along_axis(length, np.stack([first, last], -1), -1))
 
         def free() -> NDArray[np.bool_]:
             every: NDArray[np.bool_] = words_free(self.world.kernel, a, curvature, length)
@@ -222,7 +247,7 @@ class CurveConnector(Connector):
                 pose = pieces[-1].end
             return merge(pieces)
 
-        return Motions(times, free, path)
+        return Motions(times, heads, free, path)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         return [
@@ -232,6 +257,11 @@ class CurveConnector(Connector):
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
+
+    @property
+    def _steering_slowness(self) -> float:
+        """Time (s) that steering by 1 rad costs."""
+        return (_OVERLAPPING if self.flows else 1.0) / self.robot.limits.steering_rate
 
     def _steering_angle(self, curvature: float) -> float:
         """Of a single wheel at the middle, rad; 0 for a robot that need not stop to steer."""
@@ -244,7 +274,7 @@ class CurveConnector(Connector):
 
     def _steering_time(self, path: Path) -> float:
         angles = [self._steering_angle(p.turn / p.twist.vx) for p in path if not isinstance(p, LinePiece)]
-        return math.fsum(abs(b - a) for a, b in pairwise(angles)) / self.robot.limits.steering_rate
+        return math.fsum(abs(b - a) for a, b in pairwise(angles)) * self._steering_slowness
 
 
 _DIRECT_WAYS = 16
@@ -252,17 +282,19 @@ _DIRECT_WAYS = 16
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:
     """The local planner that the robot's mobility asks for."""
+    # Trailing wheels have to swing round first, which the optimizer knows nothing of.
+    flows = options.effort != "first" and robot.drive.settled is robot.drive
     match robot.drive.mobility(robot.limits):
         case Holonomic() if options.reverse:
-            return LineConnector(robot, world)
+            return LineConnector(robot, world, flows=flows)
         case Car(min_turning_radius):
             return CurveConnector(
-                robot, world, options.reverse, max(options.turning_radius, min_turning_radius)
+                robot, world, options.reverse, max(options.turning_radius, min_turning_radius), flows
             )
         case Unicycle() if options.turning_radius > 0:
-            return CurveConnector(robot, world, options.reverse, options.turning_radius)
+            return CurveConnector(robot, world, options.reverse, options.turning_radius, flows)
         case _:
-            return PivotConnector(robot, world, options.reverse)
+            return PivotConnector(robot, world, options.reverse, flows=flows)
 
 
 def _wrapped(angle: Array) -> Array:
@@ -273,6 +305,6 @@ def _wrapped(angle: Array) -> Array:
 
 def _rest_to_rest(way: Array, speed: Any, acceleration: Any) -> Array:
     """Time (s) over ways >= 0 from rest to rest."""
-    cruises = way * acceleration > speed**2
-    time: Array = np.where(cruises, way / speed + speed / acceleration, 2 * np.sqrt(way / acceleration))
+    ramp = speed / acceleration
+    time: Array = np.where(way > speed * ramp, way / speed + ramp, 2 * np.sqrt(way / acceleration))
     return time

@@ -25,12 +25,14 @@ def quickest_words(
     speed: Array,
     acceleration: Array,
     steering: float,
+    reversal: float,
     ways: int,
 ) -> tuple[Array, Array, Array]:
     """The words from a (n, 3) to b (n, 3) that take least time, at most `ways` each, the quickest first.
 
-    speed, acceleration (2,): on straights and on curves. steering s: from straight to the curve. Returns
-    times (n, ways), curvature (n, ways, 5) 1/m, length (n, ways, 5) m.
+    speed, acceleration (2,): on straights and on curves. steering s: from straight to the curve. reversal
+    s: of a change of direction, beside what acceleration takes. Returns times (n, ways), curvature (n,
+    ways, 5) 1/m, length (n, ways, 5) m.
     """
     n = len(a)
     times = np.full((n, ways), np.inf)
@@ -41,7 +43,7 @@ def quickest_words(
         x, y, phi = c * dx + s * dy, c * dy - s * dx, b[i, 2] - a[i, 2]
         words, arcs, count = reeds_shepp_words(x, y, phi) if reverse else dubins_words(x, y, phi)
         for k in range(count):
-            time, last = 0.0, -2.0
+            time, last, way = 0.0, -2.0, 0.0
             for j in range(words.shape[1]):
                 ell = abs(arcs[k, j]) * radius
                 if ell == 0.0:
@@ -52,7 +54,9 @@ def quickest_words(
                 time += ell / v + v / accel if ell * accel > v * v else 2 * math.sqrt(ell / accel)
                 if last != -2.0:
                     time += abs(curve - last) * steering
-                last = curve
+                if way * arcs[k, j] < 0.0:
+                    time += reversal
+                last, way = curve, arcs[k, j]
             if time >= times[i, ways - 1]:
                 continue
             place = ways - 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from drives.se2 import Array, Pose
 from planner.connect import Connector
-from planner.path import Path, merge
+from planner.path import Path, Piece, TwistPiece, merge
 
 __all__ = ["shorten"]
 
@@ -39,31 +39,46 @@ def shorten(path: Path, connector: Connector) -> Path:
 
 def _shortcut(path: Path, connector: Connector) -> Path:
     poses, parts = _stations(path)
-    first, second = np.triu_indices(len(poses), 1)
+    n = len(poses)
+    first, second = np.triu_indices(n, 1)
     motions = connector.motions(poses[first], poses[second])
-    times = np.where(motions.free(), motions.times, np.inf)
-    # Of every pair the quickest way; neighbours may also be joined by what the path itself does there.
-    way = times.argmin(1)
-    time = times[np.arange(len(way)), way]
-    own = np.full(len(time), np.inf)
+    # Of neighbours there is one way more: what the path itself does there.
+    own = np.full(len(first), np.inf)
     own[second == first + 1] = connector.durations(parts)
-    cost = np.full((len(poses), len(poses)), np.inf)
-    cost[first, second] = np.minimum(time, own)
-    reach, by = np.zeros(len(poses)), np.zeros(len(poses), dtype=int)
-    for j in range(1, len(poses)):
-        total = reach[:j] + cost[:j, j]
-        by[j] = total.argmin()
-        reach[j] = total[by[j]]
-    chain = [len(poses) - 1]
-    while chain[-1] > 0:
-        chain.append(int(by[chain[-1]]))
-    pair = np.zeros(cost.shape, dtype=int)
+    heads = np.zeros((len(first), 1, 2))
+    heads[second == first + 1] = [[[_heads(part)] * 2] for part in parts]
+    times = np.column_stack([np.where(motions.free(), motions.times, np.inf), own])
+    heads = np.concatenate([motions.heads, heads], 1)
+    pair = np.zeros((n, n), dtype=int)
     pair[first, second] = np.arange(len(first))
+    # The least time to every pose, arriving backwards or forwards.
+    reach = np.full((n, 2), np.inf)
+    reach[0] = 0.0
+    by = np.zeros((n, 2, 3), dtype=int)
+    for j in range(1, n):
+        edges = pair[:j, j]
+        for before, after in np.ndindex(2, 2):
+            begin, end = heads[edges].transpose(2, 0, 1)
+            # A way that neither drives forwards nor backwards changes nothing.
+            arrives = np.where(end == 0, before, end > 0) == after
+            turns = np.where(begin * (2 * before - 1) < 0, connector.reversal, 0.0)
+            total = np.where(arrives, reach[:j, before, None] + times[edges] + turns, np.inf)
+            i, way = np.unravel_index(int(total.argmin()), total.shape)
+            if total[i, way] < reach[j, after]:
+                reach[j, after], by[j, after] = total[i, way], (i, way, before)
     steps: list[Path] = []
-    for i, j in zip(chain[:0:-1], chain[-2::-1], strict=True):
+    j, head = n - 1, int(reach[n - 1].argmin())
+    while j > 0:
+        i, way, before = by[j, head].tolist()
         k = int(pair[i, j])
-        steps.append((parts[i],) if own[k] <= time[k] else motions.path(k, int(way[k])))
-    return _unwrapped(path[0].start, steps)
+        steps.append((parts[i],) if way == motions.times.shape[1] else motions.path(k, way))
+        j, head = i, before
+    return _unwrapped(path[0].start, steps[::-1])
+
+
+def _heads(piece: Piece) -> float:
+    """1 where a piece drives forwards, -1 backwards, 0 neither."""
+    return float(np.sign(piece.twist.vx)) if isinstance(piece, TwistPiece) else 0.0
 
 
 def _unwrapped(start: Pose, steps: list[Path]) -> Path:

@@ -62,15 +62,19 @@ def cruising_speed(drive: Drive, limits: Limits, path: BodyPath) -> Array:
     return speed
 
 
-def duration_estimate(drive: Drive, limits: Limits, tangents: Array) -> Array:
+def duration_estimate(drive: Drive, limits: Limits, tangents: Array, flows: bool = False) -> Array:
     """Time (e,) s from rest to rest over pieces of unit s, given samples of their tangents (e, n, 3).
 
-    Takes every limit but jerk at its worst along each piece. Trailing wheels are taken to have swung round.
+    Takes every limit but jerk at its worst along each piece. flows: time at full speed instead, as if the
+    robot came by. Trailing wheels are taken to have swung round.
     """
     e, n, _ = tangents.shape
     flat = tangents.reshape(-1, 3)
     path = BodyPath(np.arange(e * n, dtype=np.float64), np.zeros(e * n), flat, np.zeros_like(flat))
     a, _, x_max = _rows(path, drive.settled.actuators(path), limits)
+    if flows:
+        passing: Array = (1 / np.sqrt(x_max.reshape(e, n))).mean(1)
+        return passing
     with np.errstate(divide="ignore"):
         speed = np.sqrt(x_max.reshape(e, n).min(1))
         acceleration = 1 / np.abs(a).max(1).reshape(e, n).max(1)
