@@ -40,6 +40,9 @@ _OVERLAPPING = 0.5
 """Share of the time to steer, or to turn on the spot, that is lost where the robot drives
 meanwhile, roughly."""
 
+_COURSES, _FLAT = 72, 1e-3
+"""Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
+
 _NOTHING = 1e-9
 """Ways (m) and turns (rad) below this are rounding, not motion."""
 
@@ -154,6 +157,47 @@ class LineConnector(Connector):
             return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
 
         return Motions(self._rest_to_rest(tangents)[:, None], np.zeros((len(a), 1, 2)), free, path)
+
+    def direct(self, a: Array, b: Array) -> list[Motions]:
+        return [self.motions(a, b), *([self._rides(a, b)] if self.flows else [])]
+
+    @cached_property
+    def _fast(self) -> tuple[Array, Array, float]:
+        """Directions (k,) rad in the body frame in which the base is faster than in those beside them, its speeds
+        there (m/s), and that of turning (rad/s)."""
+        course = np.linspace(0.0, math.tau, _COURSES, endpoint=False)
+        twists = np.stack([np.cos(course), np.sin(course), np.zeros(_COURSES)], -1)
+        *speeds, turning = 1 / self._rest_to_rest(np.vstack([twists, [0.0, 0.0, 1.0]])[:, None])
+        speed = np.array(speeds)
+        peaks = (speed > np.roll(speed, 1) * (1 + _FLAT)) & (speed >= np.roll(speed, -1) * (1 + _FLAT))
+        return course[peaks], speed[peaks], float(turning)
+
+    def _rides(self, a: Array, b: Array) -> Motions:
+        """Straight ways in a fast direction: turned into on the way, and out of again."""
+        directions, speeds, turning = self._fast
+        shape = (len(a), len(directions))
+        paths: dict[tuple[int, int], Path] = {}
+        for pair, way in np.ndindex(shape):
+            step = b[pair] - a[pair]
+            distance = math.hypot(step[0], step[1])
+            ride = math.atan2(step[1], step[0]) - directions[way]
+            first, last = wrap(ride - a[pair, 2]), wrap(b[pair, 2] - ride)
+            needed = np.abs([first, last]) / turning * speeds[way]
+            if distance > needed.sum():
+                share = needed / distance
+                heading = a[pair, 2] + np.array([0.0, first, first, first + last])
+                along = np.array([0.0, share[0], 1 - share[1], 1.0])
+                poses = np.column_stack([a[pair, :2] + np.outer(along, step[:2]), heading]).tolist()
+                paths[pair, way] = merge(LinePiece(Pose(*p), Pose(*q)) for p, q in pairwise(poses))
+        times = np.full(shape, np.inf)
+        for key, path in paths.items():
+            times[key] = self.duration(path)
+
+        def free() -> NDArray[np.bool_]:
+            ways = [key in paths and is_path_free(self.world, paths[key]) for key in np.ndindex(shape)]
+            return np.array(ways).reshape(shape)
+
+        return Motions(times, np.zeros((*shape, 2)), free, lambda pair, way: paths[pair, way])
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(linear_free(self.world.kernel, *a, b.x, b.y, a.theta + wrap(b.theta - a.theta)))
