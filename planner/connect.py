@@ -163,8 +163,8 @@ class LineConnector(Connector):
 
     @cached_property
     def _fast(self) -> tuple[Array, Array, float]:
-        """Directions (k,) rad in the body frame in which the base is faster than in those beside them, its speeds
-        there (m/s), and that of turning (rad/s)."""
+        """Directions (k,) rad in the body frame in which the base is faster than in those beside them, its
+        speeds there (m/s), and that of turning (rad/s)."""
         course = np.linspace(0.0, math.tau, _COURSES, endpoint=False)
         twists = np.stack([np.cos(course), np.sin(course), np.zeros(_COURSES)], -1)
         *speeds, turning = 1 / self._rest_to_rest(np.vstack([twists, [0.0, 0.0, 1.0]])[:, None])
