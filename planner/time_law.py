@@ -120,6 +120,7 @@ def _slowed(
     else:
         time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
     s, rate, acceleration = profile.at(time)
+    s = np.clip(s, 0.0, 1.0)
     s, first = np.unique(s, return_index=True)
     path = piece.body_path(s)
     a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)

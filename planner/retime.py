@@ -1,0 +1,259 @@
+"""A motion → the fastest one along the same way, the wheels' jerk limited too.
+
+The way is parametrized by the time σ at which the given motion is there. With φ(σ) the angle of a wheel,
+φ′, φ″ and φ‴ its rate, acceleration and jerk in the given motion, a new law σ(t) has
+
+    rate           φ′ σ̇
+    acceleration   φ″ σ̇² + φ′ σ̈
+    jerk           φ‴ σ̇³ + 3 φ″ σ̇ σ̈ + φ′ σ⃛
+
+As the given motion starts and ends at rest, any σ̇ does, at the ends too; σ̇ = 1 is the motion itself. Between
+fixed stations σ_k the new law is cubic: σ̇ and σ̈ at the stations are states, σ⃛ and the time to the next
+station are controls of an optimal control problem, stated in CasADi and solved by Fatrop.
+
+Sources: Verscheure et al. (2009), time-optimal path tracking; Vanroye et al. (2023), Fatrop.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from drives.drive import Drive, Limits
+from drives.se2 import Array
+from planner.trajectory import Phase, Phases, Profile, Warped
+
+__all__ = ["retimed"]
+
+_SIZES = (32, 64, 96, 128, 192, 256, 384)
+_SPACING = 0.4
+"""Between stations, in units of the time that acceleration takes to build up."""
+_INSIDE = 4
+"""Parts of an interval that its derivatives are taken from."""
+_SLOWEST = 1e-3
+_LEAST = 0.05
+"""Least σ̇."""
+_EFFORT = 1e-5
+
+
+def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
+    """The phase, or a faster one along the same way that keeps all limits.
+
+    The phase starts and ends at rest without acceleration of the wheels. knots (n,) s: times between which
+    its wheels' accelerations are smooth, its ends included.
+    """
+    size = _size(phase.duration, len(knots) - 1, limits)
+    if size is None:
+        return phase
+    stations = _stations(knots, size)
+    given = _rates(phase, stations, drive, limits)
+    slack = given.excess()
+    if not slack > 0 or not math.isfinite(slack):
+        return phase
+    law = _fastest(given, stations, slack)
+    if law is None:
+        return phase
+    made = Warped(phase, law)
+    over = _rates(made, law.time, drive, limits).excess()
+    made = Warped(phase, law.slowed(over))
+    return made if made.duration < phase.duration else phase
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rates:
+    """Of a motion, over the limits, at points of n intervals: (n, points, r) the rates whose acceleration is
+    limited, over the limit of that, 1/s; their first and second derivatives, in time; tight (r,): the limit of
+    acceleration over that of jerk, s; fastest (n, points): the largest share of a speed limit."""
+
+    first: Array
+    second: Array
+    third: Array
+    tight: Array
+    fastest: Array
+
+    def excess(self) -> float:
+        """By what factor the motion must be slowed to keep all limits."""
+        return max(
+            float(self.fastest.max()),
+            math.sqrt(float(np.abs(self.second).max())),
+            math.cbrt(float((np.abs(self.third) * self.tight).max())),
+        )
+
+
+def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rates:
+    n = len(stations) - 1
+    step = np.diff(stations) / _INSIDE
+    inside = stations[:-1, None] + step[:, None] * np.arange(_INSIDE)
+    sampled = Phases(drive, (phase,)).sample(np.append(inside.ravel(), stations[-1]))
+
+    def split(values: Array) -> Array:
+        """By interval, the points at its ends included (n, points, …)."""
+        at = np.arange(n)[:, None] * _INSIDE + np.arange(_INSIDE + 1)
+        return values[at]
+
+    def change(values: Array) -> Array:
+        """Derivative in time of values (n, points, …)."""
+        slopes: Array = np.gradient(values, axis=1, edge_order=2)
+        return slopes / step.reshape(-1, *[1] * (values.ndim - 1))
+
+    twist = split(sampled.twist)
+    vx, vy, omega = np.moveaxis(twist, -1, 0)
+    dvx, dvy, _ = np.moveaxis(change(twist), -1, 0)
+    speed = np.hypot(vx, vy)
+    # The wheels' velocities end at rest, whatever the schedule says there.
+    rate, acceleration = split(sampled.wheel_velocity), split(sampled.wheel_acceleration)
+    still = np.maximum(speed, 1e-9)
+    gained = (vx * dvx + vy * dvy) / still
+    across = np.abs(omega * speed + (vx * dvy - vy * dvx) / still)
+    bound = limits.wheel_acceleration
+    fastest = [
+        (np.abs(rate) / limits.wheel_speed).max(-1), speed / limits.linear_speed,
+        np.abs(omega) / limits.angular_speed, np.sqrt(across / limits.lateral_acceleration),
+        (np.abs(split(sampled.steering_rate)) / limits.steering_rate).max(-1, initial=0.0),
+    ]  # fmt: skip
+    first, second, third = rate / bound, acceleration / bound, change(acceleration) / bound
+    tight = bound / limits.wheel_jerk
+    if math.isfinite(limits.linear_acceleration):
+        first, second, third = (
+            np.concatenate([wheels, body[..., None]], -1)
+            for wheels, body in (
+                (first, speed / limits.linear_acceleration),
+                (second, gained / limits.linear_acceleration),
+                (third, np.zeros_like(speed)),
+            )
+        )
+        tight = np.append(tight, 0.0)
+    return _Rates(first, second, third, tight, np.max(fastest, 0))
+
+
+def _size(duration: float, pieces: int, limits: Limits) -> int | None:
+    """How many intervals to take, None: more than are worth while."""
+    ramp = float((limits.wheel_acceleration / limits.wheel_jerk).min())
+    wanted = max(duration / (_SPACING * ramp), pieces)
+    if pieces > _SIZES[-1]:
+        return None
+    return next((n for n in _SIZES if wanted <= n), _SIZES[-1])
+
+
+def _stations(knots: Array, size: int) -> Array:
+    """Times (size + 1,), the knots among them, as evenly spread as may be."""
+    parts = [1] * (len(knots) - 1)
+    widest = [(-length, i) for i, length in enumerate(np.diff(knots).tolist())]
+    heapq.heapify(widest)
+    for _ in range(size - len(parts)):
+        _, i = widest[0]
+        parts[i] += 1
+        heapq.heapreplace(widest, (-float(knots[i + 1] - knots[i]) / parts[i], i))
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots[:-1], knots[1:], parts, strict=True)]
+    return np.append(np.concatenate(pieces), knots[-1])
+
+
+def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
+    """The fastest law through the stations, looking for it near the motion slowed by `slack`."""
+    # An interval is about 1 in the unit of time.
+    n, _, rows = given.first.shape
+    way = np.diff(stations)
+    unit = float(way.mean())
+    first, second, third = given.first / unit, given.second, given.third * unit
+    tight = given.tight / unit
+    top = 1 / np.maximum(np.concatenate([given.fastest[:, 0], given.fastest[-1:, -1]]), _LEAST)
+    parameters = np.concatenate([
+        way[:, None] / unit, top[:-1, None], first[:, 0], second[:, 0], third[:, 0], first[:, -1],
+        second[:, -1], third[:, -1],
+    ], 1)  # fmt: skip
+    start = 1 / slack
+    guess = np.column_stack([np.full(n, start), np.zeros(n), np.zeros(n), way / unit / start]).ravel()
+    found = _solver(n, rows).solve(
+        np.append(guess, [start, 0.0]), np.concatenate([parameters.ravel(), tight, [float(top[-1])]])
+    )
+    if found is None:
+        return None
+    state = found[:-2].reshape(n, 4)
+    rate, change, jerk, step = state.T
+    if not np.isfinite(found).all() or not (step > 0).all():
+        return None
+    return Profile(
+        np.concatenate([[0.0], np.cumsum(step)]) * unit, stations[:-1], rate, change / unit, jerk / unit**2
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """A compiled solver for a number of intervals and of rows."""
+
+    _function: Any
+    _lower: Array
+    _upper: Array
+
+    def solve(self, guess: Array, parameters: Array) -> Array | None:
+        found = self._function(x0=guess, p=parameters, lbg=self._lower, ubg=self._upper)
+        if not self._function.stats()["success"]:
+            return None
+        values: Array = np.array(found["x"]).ravel()
+        return values
+
+
+@lru_cache(maxsize=32)
+def _solver(n: int, rows: int) -> _Solver:
+    """The solver for n intervals and so many rates whose accelerations and jerks are limited."""
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 2)
+    p, tight = ca.SX.sym("p", 2 + 6 * rows), ca.SX.sym("tight", rows)
+    rate, change, jerk, step = x[0], x[1], u[0], u[1]
+    way, top = p[0], p[1]
+    first, second, third, first_after, second_after, third_after = ca.vertsplit(p[2:], rows)
+    after = ca.vertcat(rate + step * (change + step * jerk / 2), change + step * jerk)
+    moved = step * (rate + step * (change / 2 + step * jerk / 6))
+
+    def jerks(x: Any, first: Any, second: Any, third: Any) -> Any:
+        return tight * (third * x[0] ** 3 + 3 * second * x[0] * x[1] + first * jerk)
+
+    held = ca.vertcat(
+        second * rate**2 + first * change,
+        jerks(x, first, second, third),
+        jerks(after, first_after, second_after, third_after),
+    )
+    stage = ca.Function(
+        "stage", [x, u, p, tight], [ca.cse(ca.vertcat(after, moved - way, rate / top, step, held))]
+    )
+    variables = ca.MX.sym("w", 4 * n + 2)
+    pairs = ca.reshape(variables[: 4 * n], 4, n)
+    states, controls = ca.horzcat(pairs[:2, :], variables[-2:]), pairs[2:, :]
+    given = ca.MX.sym("p", n * (2 + 6 * rows) + rows + 1)
+    each = ca.reshape(given[: n * (2 + 6 * rows)], 2 + 6 * rows, n)
+    values = stage.map(n)(states[:, :-1], controls, each, ca.repmat(given[-1 - rows : -1], 1, n))
+    gap = ca.horzsplit(states[:, 1:] - values[:2, :])
+    path = ca.horzsplit(values[2:, :])
+    g: list[Any] = []
+    lower: list[float] = []
+    upper: list[float] = []
+
+    def hold(row: Any, low: list[float], high: list[float]) -> None:
+        g.append(row)
+        lower.extend(low)
+        upper.extend(high)
+
+    inequalities = 3 * rows
+    for i in range(n):
+        hold(ca.vertcat(gap[i], path[i]), [0.0, 0.0, 0.0, _SLOWEST, _SLOWEST, *[-1.0] * inequalities],
+             [0.0, 0.0, 0.0, 1.0, math.inf, *[1.0] * inequalities])  # fmt: skip
+        if i == 0:
+            hold(states[1, 0], [0.0], [0.0])
+        if i in (0, n - 1):
+            hold(controls[0, i], [0.0], [0.0])
+    hold(states[:, n] / ca.vertcat(given[-1], 1), [_SLOWEST, 0.0], [1.0, 0.0])
+    program = {
+        "x": variables, "p": given, "g": ca.vertcat(*g),
+        "f": (ca.sum2(controls[1, :]) + _EFFORT * ca.sumsqr(controls[0, :])) / n,
+    }  # fmt: skip
+    options: dict[str, Any] = {
+        "print_time": False, "structure_detection": "auto",
+        "equality": [low == high for low, high in zip(lower, upper, strict=True)],
+        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 1e-2, "max_iter": 100},
+    }  # fmt: skip
+    return _Solver(ca.nlpsol("retime", "fatrop", program, options), np.array(lower), np.array(upper))
