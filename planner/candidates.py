@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.optimize import Optimizer
 from planner.path import Path, Piece, TwistPiece
 from planner.problem import Problem
+from planner.retime import hastened
 from planner.search import Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
@@ -29,6 +30,8 @@ MAX_SAMPLES = 200_000
 
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, 3
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
+_RETIMED = 2
+"""How many of the fastest are retimed at the end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +50,7 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
     Effort first: one, with stops. Good: a few, and what optimizing the best of them gives. Best: as many
     as time allows, each optimized.
     """
-    effort, drive = problem.options.effort, problem.robot.drive
+    effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
     found: list[Candidate] = []
 
@@ -74,7 +77,11 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
             for near in sorted(found, key=_flowing)[:_GOOD_TRIES]:
                 if watch.is_over() or optimize(near, _GOOD_ROUNDS):
                     break
-    return sorted(found, key=_duration)
+    found.sort(key=_duration)
+    if effort == "first":
+        return found
+    faster = [replace(near, timed=hastened(near.timed, limits)) for near in found[:_RETIMED]]
+    return sorted(faster + found[_RETIMED:], key=_duration)
 
 
 def _duration(candidate: Candidate) -> float:

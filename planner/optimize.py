@@ -16,6 +16,7 @@ from planner.corridor import half_planes
 from planner.environment import CollisionWorld
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
+from planner.retime import hastened
 from planner.schedule import WheelSchedule
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
@@ -224,7 +225,7 @@ class Optimizer:
                     lead.append(Steer(start, steering, needed, change / limits.steering_rate))
         except InadmissibleTwist:
             return None
-        return Phases(drive, (*lead, motion))
+        return hastened(Phases(drive, (*lead, motion)), limits)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

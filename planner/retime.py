@@ -27,9 +27,9 @@ import numpy as np
 
 from drives.drive import Drive, Limits
 from drives.se2 import Array
-from planner.trajectory import Phase, Phases, Profile, Warped
+from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
-__all__ = ["retimed"]
+__all__ = ["excess", "hastened", "retimed"]
 
 _SIZES = (32, 64, 96, 128, 192, 256, 384)
 _SPACING = 0.4
@@ -40,6 +40,31 @@ _SLOWEST = 1e-3
 _LEAST = 0.05
 """Least σ̇."""
 _EFFORT = 1e-5
+
+
+def hastened(motion: Phases, limits: Limits) -> Phases:
+    """The motion, each of its phases retimed where jerk is limited and that may help."""
+    if not np.isfinite(limits.wheel_jerk).any():
+        return motion
+
+    def faster(phase: Phase) -> Phase:
+        match phase:
+            case Flowing():
+                return retimed(phase, phase.time, motion.drive, limits)
+            case Driven(fastest=False):
+                return retimed(phase, phase.profile.time, motion.drive, limits)
+            case _:
+                return phase
+
+    return Phases(motion.drive, tuple(faster(phase) for phase in motion.phases))
+
+
+def excess(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> float:
+    """By what factor a phase must be slowed to keep all limits.
+
+    knots (n,) s: times between which its wheels' accelerations are smooth, its ends included.
+    """
+    return _rates(phase, knots, drive, limits).excess()
 
 
 def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
@@ -60,8 +85,7 @@ def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
     if law is None:
         return phase
     made = Warped(phase, law)
-    over = _rates(made, law.time, drive, limits).excess()
-    made = Warped(phase, law.slowed(over))
+    made = Warped(phase, law.slowed(excess(made, law.time, drive, limits)))
     return made if made.duration < phase.duration else phase
 
 

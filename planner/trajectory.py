@@ -121,12 +121,14 @@ class Profile:
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
     """One piece of a path, driven by a profile from rest to rest. steering (k,): where the wheels stand as it
-    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators."""
+    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators; fastest: whether no
+    profile within the limits is known to be faster."""
 
     piece: Piece
     profile: Profile
     grid: Array
     steering: Array
+    fastest: bool = False
 
     @property
     def duration(self) -> float:
