@@ -31,7 +31,7 @@ from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["excess", "hastened", "retimed"]
 
-_SIZES = (32, 64, 96, 128, 192, 256, 384)
+_SIZES = (32, 48, 64, 96, 128, 160, 192, 224, 256, 320, 384)
 _SPACING = 0.4
 """Between stations, in units of the time that acceleration takes to build up."""
 _INSIDE = 4
@@ -39,7 +39,7 @@ _INSIDE = 4
 _SLOWEST = 1e-3
 _LEAST = 0.05
 """Least σ̇."""
-_EFFORT = 1e-5
+_EFFORT = 0.3
 
 
 def hastened(motion: Phases, limits: Limits) -> Phases:
@@ -178,18 +178,33 @@ def _stations(knots: Array, size: int) -> Array:
     return np.append(np.concatenate(pieces), knots[-1])
 
 
+def _distinct(given: _Rates) -> list[int]:
+    """Of rates that always change alike, one."""
+    kept: list[int] = []
+    size = np.abs(given.first)
+    for i in range(size.shape[-1]):
+        if not any(
+            given.tight[i] == given.tight[j] and np.allclose(size[..., i], size[..., j], 1e-6, 1e-6) for j in kept
+        ):
+            kept.append(i)
+    return kept
+
+
 def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
     """The fastest law through the stations, looking for it near the motion slowed by `slack`."""
     # An interval is about 1 in the unit of time.
-    n, _, rows = given.first.shape
+    n = len(stations) - 1
     way = np.diff(stations)
     unit = float(way.mean())
-    first, second, third = given.first / unit, given.second, given.third * unit
-    tight = given.tight / unit
+    kept = _distinct(given)
+    first, second, third = given.first[..., kept] / unit, given.second[..., kept], given.third[..., kept] * unit
+    tight, rows = given.tight[kept] / unit, len(kept)
     top = 1 / np.maximum(np.concatenate([given.fastest[:, 0], given.fastest[-1:, -1]]), _LEAST)
+    half = _INSIDE // 2
+    middle = 1 / np.maximum(given.fastest[:, half], _LEAST)
     parameters = np.concatenate([
-        way[:, None] / unit, top[:-1, None], first[:, 0], second[:, 0], third[:, 0], first[:, -1],
-        second[:, -1], third[:, -1],
+        way[:, None] / unit, top[:-1, None], middle[:, None], first[:, 0], second[:, 0], third[:, 0], first[:, -1],
+        second[:, -1], third[:, -1], first[:, half], second[:, half], third[:, half],
     ], 1)  # fmt: skip
     start = 1 / slack
     guess = np.column_stack([np.full(n, start), np.zeros(n), np.zeros(n), way / unit / start]).ravel()
@@ -227,17 +242,24 @@ class _Solver:
 def _solver(n: int, rows: int) -> _Solver:
     """The solver for n intervals and so many rates whose accelerations and jerks are limited."""
     x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 2)
-    p, tight = ca.SX.sym("p", 2 + 6 * rows), ca.SX.sym("tight", rows)
+    p, tight = ca.SX.sym("p", 3 + 9 * rows), ca.SX.sym("tight", rows)
     rate, change, jerk, step = x[0], x[1], u[0], u[1]
-    way, top = p[0], p[1]
-    first, second, third, first_after, second_after, third_after = ca.vertsplit(p[2:], rows)
+    way, top, middle = p[0], p[1], p[2]
+    (first, second, third, first_after, second_after, third_after, first_between, second_between,
+     third_between) = ca.vertsplit(p[3:], rows)  # fmt: skip
     after = ca.vertcat(rate + step * (change + step * jerk / 2), change + step * jerk)
     moved = step * (rate + step * (change / 2 + step * jerk / 6))
 
     def jerks(x: Any, first: Any, second: Any, third: Any) -> Any:
         return tight * (third * x[0] ** 3 + 3 * second * x[0] * x[1] + first * jerk)
 
+    # Half the time is not quite half the way.
+    halfway = rate + step / 2 * (change + step / 4 * jerk)
+    ahead = step / 2 * (rate + step / 4 * (change + step / 6 * jerk)) - way / 2
     held = ca.vertcat(
+        halfway / middle,
+        (second_between + ahead * third_between) * halfway**2
+        + (first_between + ahead * second_between) * (change + step / 2 * jerk),
         second * rate**2 + first * change,
         jerks(x, first, second, third),
         jerks(after, first_after, second_after, third_after),
@@ -248,8 +270,8 @@ def _solver(n: int, rows: int) -> _Solver:
     variables = ca.MX.sym("w", 4 * n + 2)
     pairs = ca.reshape(variables[: 4 * n], 4, n)
     states, controls = ca.horzcat(pairs[:2, :], variables[-2:]), pairs[2:, :]
-    given = ca.MX.sym("p", n * (2 + 6 * rows) + rows + 1)
-    each = ca.reshape(given[: n * (2 + 6 * rows)], 2 + 6 * rows, n)
+    given = ca.MX.sym("p", n * (3 + 9 * rows) + rows + 1)
+    each = ca.reshape(given[: n * (3 + 9 * rows)], 3 + 9 * rows, n)
     values = stage.map(n)(states[:, :-1], controls, each, ca.repmat(given[-1 - rows : -1], 1, n))
     gap = ca.horzsplit(states[:, 1:] - values[:2, :])
     path = ca.horzsplit(values[2:, :])
@@ -262,7 +284,7 @@ def _solver(n: int, rows: int) -> _Solver:
         lower.extend(low)
         upper.extend(high)
 
-    inequalities = 3 * rows
+    inequalities = 4 * rows + 1
     for i in range(n):
         hold(ca.vertcat(gap[i], path[i]), [0.0, 0.0, 0.0, _SLOWEST, _SLOWEST, *[-1.0] * inequalities],
              [0.0, 0.0, 0.0, 1.0, math.inf, *[1.0] * inequalities])  # fmt: skip
@@ -278,6 +300,6 @@ def _solver(n: int, rows: int) -> _Solver:
     options: dict[str, Any] = {
         "print_time": False, "structure_detection": "auto",
         "equality": [low == high for low, high in zip(lower, upper, strict=True)],
-        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 1e-2, "max_iter": 100},
+        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 1e-4, "max_iter": 100},
     }  # fmt: skip
     return _Solver(ca.nlpsol("retime", "fatrop", program, options), np.array(lower), np.array(upper))
