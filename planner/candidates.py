@@ -80,7 +80,10 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
     found.sort(key=_duration)
     if effort == "first":
         return found
-    faster = [replace(near, timed=hastened(near.timed, limits)) for near in found[:_RETIMED]]
+    faster = [
+        near if near.optimized else replace(near, timed=hastened(near.timed, limits))
+        for near in found[:_RETIMED]
+    ]
     return sorted(faster + found[_RETIMED:], key=_duration)
 
 

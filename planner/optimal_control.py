@@ -326,6 +326,10 @@ class _Problem:
         for share in _INSIDE["jerk" if kind == "twist" and self.shape.jerk else kind]:
             q, r = self._later(x, u, share * x[-1] / self.shape.knots)
             rows += self._changes(q, r, u)
+        if self.shape.coordinates == "car" and self.shape.jerk:
+            # A parabola stays within its control points: two are at the knots, this one is between.
+            _, q, r = self._split(x)
+            rows.append((q[1] + r[1] * x[-1] / (2 * self.shape.knots)) * self.p["curvature"])
         return rows
 
     def _changes(self, q: Any, r: Any, u: Any) -> list[Any]:

@@ -30,8 +30,6 @@ _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
-_BETWEEN = 5e-3
-"""Share by which a curvature that is not linear between knots is kept from its limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +174,7 @@ class Optimizer:
             "speed": length / time / (law.radius[steered] * limits.wheel_speed[steered]),
             "acceleration": speed / limits.wheel_acceleration[order] / time,
             "jerk": speed / limits.wheel_jerk[order] / time**2, "steering": 1 / time / limits.steering_rate,
-            "curvature": self._turning_radius / length * (1 + _BETWEEN * shape.jerk),
+            "curvature": self._turning_radius / length,
             "body": [
                 length / time / limits.linear_speed, 1 / time / most,
                 length / time**2 / limits.linear_acceleration, length / time**2 / limits.lateral_acceleration,
