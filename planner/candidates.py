@@ -9,6 +9,7 @@ from itertools import chain, pairwise
 
 import numpy as np
 
+from drives.drive import Limits
 from drives.se2 import Pose
 from planner.connect import Connector, is_path_free
 from planner.environment import CollisionWorld
@@ -30,8 +31,8 @@ MAX_SAMPLES = 200_000
 
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, 3
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
-_RETIMED = 2
-"""How many of the fastest are retimed at the end."""
+_HASTE = 0.9
+"""Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +51,7 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
     Effort first: one, with stops. Good: a few, and what optimizing the best of them gives. Best: as many
     as time allows, each optimized.
     """
-    effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
+    effort, drive = problem.options.effort, problem.robot.drive
     optimizer = Optimizer(problem, local.world, watch.is_over)
     found: list[Candidate] = []
 
@@ -78,13 +79,21 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
                 if watch.is_over() or optimize(near, _GOOD_ROUNDS):
                     break
     found.sort(key=_duration)
-    if effort == "first":
-        return found
-    faster = [
-        near if near.optimized else replace(near, timed=hastened(near.timed, limits))
-        for near in found[:_RETIMED]
-    ]
-    return sorted(faster + found[_RETIMED:], key=_duration)
+    if effort != "first":
+        _hasten(found, problem.robot.limits)
+        watch.lap("optimize")
+    return found
+
+
+def _hasten(found: list[Candidate], limits: Limits) -> None:
+    """Retime those that may become the fastest, and put the fastest first again."""
+    best = math.inf
+    for i, near in enumerate(found):
+        if _HASTE * near.timed.duration < best:
+            if not near.optimized:
+                found[i] = replace(near, timed=hastened(near.timed, limits))
+            best = min(best, found[i].timed.duration)
+    found.sort(key=_duration)
 
 
 def _duration(candidate: Candidate) -> float:

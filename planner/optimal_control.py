@@ -1,5 +1,5 @@
-"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. The
-only file that imports casadi.
+"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. This
+file and retime.py import casadi.
 
 Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
 linear in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions

@@ -54,6 +54,7 @@ class Optimizer:
             knots = _knots(motion, math.inf)
             found = self._solve(self._guess(motion, knots), np.zeros((knots + 1, 0, 5)))
             if found is not None and self._is_free(found):
+                found = hastened(found, self.problem.robot.limits)
                 return found if found.duration < motion.duration else None
         knots = _knots(motion, _SPACING)
         best = motion
@@ -74,8 +75,10 @@ class Optimizer:
         near = planes
         for _ in range(_TRIES):
             found = self._solve(guess, near)
-            if found is None or self._is_free(found):
-                return found
+            if found is None:
+                return None
+            if self._is_free(found):
+                return hastened(found, self.problem.robot.limits)
             if self.is_over():
                 break
             # Beside the obstacles near the motion, those that the answer ran into.
@@ -223,7 +226,7 @@ class Optimizer:
                     lead.append(Steer(start, steering, needed, change / limits.steering_rate))
         except InadmissibleTwist:
             return None
-        return hastened(Phases(drive, (*lead, motion)), limits)
+        return Phases(drive, (*lead, motion))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

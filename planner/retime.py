@@ -36,10 +36,10 @@ _SPACING = 0.4
 """Between stations, in units of the time that acceleration takes to build up."""
 _INSIDE = 4
 """Parts of an interval that its derivatives are taken from."""
-_SLOWEST = 1e-3
-_LEAST = 0.05
-"""Least σ̇."""
+_LEAST, _FASTEST = 1e-3, 20.0
+"""Bounds of σ̇."""
 _EFFORT = 0.3
+"""What σ⃛ is weighed with, in units of a mean interval: it settles what the limits leave open."""
 
 
 def hastened(motion: Phases, limits: Limits) -> Phases:
@@ -73,10 +73,7 @@ def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
     The phase starts and ends at rest without acceleration of the wheels. knots (n,) s: times between which
     its wheels' accelerations are smooth, its ends included.
     """
-    size = _size(phase.duration, len(knots) - 1, limits)
-    if size is None:
-        return phase
-    stations = _stations(knots, size)
+    stations = _stations(knots, _size(phase.duration, len(knots) - 1, limits))
     given = _rates(phase, stations, drive, limits)
     slack = given.excess()
     if not slack > 0 or not math.isfinite(slack):
@@ -91,9 +88,13 @@ def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rates:
-    """Of a motion, over the limits, at points of n intervals: (n, points, r) the rates whose acceleration is
-    limited, over the limit of that, 1/s; their first and second derivatives, in time; tight (r,): the limit of
-    acceleration over that of jerk, s; fastest (n, points): the largest share of a speed limit."""
+    """How fast a motion is, at points of n intervals, both ends among them.
+
+    first, second, third (n, points, r): rates of the wheels, and the body's speed if its acceleration is
+    limited, with their first and second derivatives in time, all over the limit of acceleration: s, 1, 1/s.
+    tight (r,): the limit of acceleration over that of jerk, s. fastest (n, points): the largest share of a
+    speed limit.
+    """
 
     first: Array
     second: Array
@@ -119,7 +120,8 @@ def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rate
     def split(values: Array) -> Array:
         """By interval, the points at its ends included (n, points, …)."""
         at = np.arange(n)[:, None] * _INSIDE + np.arange(_INSIDE + 1)
-        return values[at]
+        parts: Array = values[at]
+        return parts
 
     def change(values: Array) -> Array:
         """Derivative in time of values (n, points, …)."""
@@ -130,7 +132,6 @@ def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rate
     vx, vy, omega = np.moveaxis(twist, -1, 0)
     dvx, dvy, _ = np.moveaxis(change(twist), -1, 0)
     speed = np.hypot(vx, vy)
-    # The wheels' velocities end at rest, whatever the schedule says there.
     rate, acceleration = split(sampled.wheel_velocity), split(sampled.wheel_acceleration)
     still = np.maximum(speed, 1e-9)
     gained = (vx * dvx + vy * dvy) / still
@@ -156,17 +157,17 @@ def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rate
     return _Rates(first, second, third, tight, np.max(fastest, 0))
 
 
-def _size(duration: float, pieces: int, limits: Limits) -> int | None:
-    """How many intervals to take, None: more than are worth while."""
-    ramp = float((limits.wheel_acceleration / limits.wheel_jerk).min())
-    wanted = max(duration / (_SPACING * ramp), pieces)
-    if pieces > _SIZES[-1]:
-        return None
+def _size(duration: float, pieces: int, limits: Limits) -> int:
+    """How many intervals to take."""
+    ramps = limits.wheel_acceleration / limits.wheel_jerk
+    wanted = max(duration / (_SPACING * float(ramps[ramps > 0].min())), pieces)
     return next((n for n in _SIZES if wanted <= n), _SIZES[-1])
 
 
 def _stations(knots: Array, size: int) -> Array:
-    """Times (size + 1,), the knots among them, as evenly spread as may be."""
+    """Times (size + 1,) as evenly spread as may be, the knots among them, or some where they are too many."""
+    if len(knots) > size + 1:
+        knots = knots[np.linspace(0, len(knots) - 1, size + 1).round().astype(int)]
     parts = [1] * (len(knots) - 1)
     widest = [(-length, i) for i, length in enumerate(np.diff(knots).tolist())]
     heapq.heapify(widest)
@@ -174,8 +175,8 @@ def _stations(knots: Array, size: int) -> Array:
         _, i = widest[0]
         parts[i] += 1
         heapq.heapreplace(widest, (-float(knots[i + 1] - knots[i]) / parts[i], i))
-    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots[:-1], knots[1:], parts, strict=True)]
-    return np.append(np.concatenate(pieces), knots[-1])
+    ends = zip(knots[:-1], knots[1:], parts, strict=True)
+    return np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in ends]), knots[-1])
 
 
 def _distinct(given: _Rates) -> list[int]:
@@ -184,7 +185,8 @@ def _distinct(given: _Rates) -> list[int]:
     size = np.abs(given.first)
     for i in range(size.shape[-1]):
         if not any(
-            given.tight[i] == given.tight[j] and np.allclose(size[..., i], size[..., j], 1e-6, 1e-6) for j in kept
+            given.tight[i] == given.tight[j] and np.allclose(size[..., i], size[..., j], 1e-6, 1e-6)
+            for j in kept
         ):
             kept.append(i)
     return kept
@@ -197,14 +199,16 @@ def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
     way = np.diff(stations)
     unit = float(way.mean())
     kept = _distinct(given)
-    first, second, third = given.first[..., kept] / unit, given.second[..., kept], given.third[..., kept] * unit
+    first, second, third = (
+        each[..., kept] for each in (given.first / unit, given.second, given.third * unit)
+    )
     tight, rows = given.tight[kept] / unit, len(kept)
-    top = 1 / np.maximum(np.concatenate([given.fastest[:, 0], given.fastest[-1:, -1]]), _LEAST)
+    top = 1 / np.maximum(np.concatenate([given.fastest[:, 0], given.fastest[-1:, -1]]), 1 / _FASTEST)
     half = _INSIDE // 2
-    middle = 1 / np.maximum(given.fastest[:, half], _LEAST)
+    middle = 1 / np.maximum(given.fastest[:, half], 1 / _FASTEST)
     parameters = np.concatenate([
-        way[:, None] / unit, top[:-1, None], middle[:, None], first[:, 0], second[:, 0], third[:, 0], first[:, -1],
-        second[:, -1], third[:, -1], first[:, half], second[:, half], third[:, half],
+        way[:, None] / unit, top[:-1, None], middle[:, None],
+        *(each[:, at] for at in (0, -1, half) for each in (first, second, third)),
     ], 1)  # fmt: skip
     start = 1 / slack
     guess = np.column_stack([np.full(n, start), np.zeros(n), np.zeros(n), way / unit / start]).ravel()
@@ -286,13 +290,13 @@ def _solver(n: int, rows: int) -> _Solver:
 
     inequalities = 4 * rows + 1
     for i in range(n):
-        hold(ca.vertcat(gap[i], path[i]), [0.0, 0.0, 0.0, _SLOWEST, _SLOWEST, *[-1.0] * inequalities],
+        hold(ca.vertcat(gap[i], path[i]), [0.0, 0.0, 0.0, _LEAST, _LEAST, *[-1.0] * inequalities],
              [0.0, 0.0, 0.0, 1.0, math.inf, *[1.0] * inequalities])  # fmt: skip
         if i == 0:
             hold(states[1, 0], [0.0], [0.0])
         if i in (0, n - 1):
             hold(controls[0, i], [0.0], [0.0])
-    hold(states[:, n] / ca.vertcat(given[-1], 1), [_SLOWEST, 0.0], [1.0, 0.0])
+    hold(states[:, n] / ca.vertcat(given[-1], 1), [_LEAST, 0.0], [1.0, 0.0])
     program = {
         "x": variables, "p": given, "g": ca.vertcat(*g),
         "f": (ca.sum2(controls[1, :]) + _EFFORT * ca.sumsqr(controls[0, :])) / n,

@@ -39,8 +39,8 @@ interval."""
 _SMOOTHING = (0.5, 0.7, 1.0, 1.5)
 """Tried in turn: how far apart the control points of a smoothed law are, in units of the time in which
 acceleration builds up."""
-_CONTROLS = 4000
-"""At most."""
+_CONTROLS = 1000
+"""How many of them there are at most."""
 
 
 def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None = None) -> Phases:
@@ -272,11 +272,11 @@ def _smoothed(sharp: Profile, spacing: float) -> Profile:
     """
     intervals = max(1, math.ceil(sharp.duration / spacing))
     h = sharp.duration / intervals
-    s, _, _ = sharp.at(np.arange(intervals + 1) * h)
+    s, _, _ = sharp.at(h * np.arange(intervals + 1.0))
     s = np.concatenate([np.zeros(3), np.clip(s[1:-1], 0.0, 1.0), np.ones(3)])
     one, two, three = (np.diff(s, order) for order in (1, 2, 3))
     return Profile(
-        np.arange(len(three) + 1) * h, (s[:-3] + 4 * s[1:-2] + s[2:-1]) / 6, (one[:-2] + one[1:-1]) / (2 * h),
+        h * np.arange(len(three) + 1.0), (s[:-3] + 4 * s[1:-2] + s[2:-1]) / 6, (one[:-2] + one[1:-1]) / (2 * h),
         two[:-1] / h**2, three / h**3,
     )  # fmt: skip
 
