@@ -31,7 +31,7 @@ from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["excess", "hastened", "retimed"]
 
-_SIZES = (32, 48, 64, 96, 128, 160, 192, 224, 256, 320, 384)
+_SIZES = (128, 160, 192, 224, 256, 320, 384)
 _SPACING = 0.4
 """Between stations, in units of the time that acceleration takes to build up."""
 _INSIDE = 4

@@ -276,8 +276,8 @@ def _smoothed(sharp: Profile, spacing: float) -> Profile:
     s = np.concatenate([np.zeros(3), np.clip(s[1:-1], 0.0, 1.0), np.ones(3)])
     one, two, three = (np.diff(s, order) for order in (1, 2, 3))
     return Profile(
-        h * np.arange(len(three) + 1.0), (s[:-3] + 4 * s[1:-2] + s[2:-1]) / 6, (one[:-2] + one[1:-1]) / (2 * h),
-        two[:-1] / h**2, three / h**3,
+        h * np.arange(len(three) + 1.0), (s[:-3] + 4 * s[1:-2] + s[2:-1]) / 6,
+        (one[:-2] + one[1:-1]) / (2 * h), two[:-1] / h**2, three / h**3,
     )  # fmt: skip
 
 
