@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -38,6 +38,8 @@ _INSIDE = 4
 """Parts of an interval that its derivatives are taken from."""
 _LEAST, _FASTEST = 1e-3, 20.0
 """Bounds of σ̇."""
+_ROUNDS, _EXACT = 3, 2e-3
+"""How often a law is sought, as long as the last one must be slowed by more than this share."""
 _EFFORT = 0.3
 """What σ⃛ is weighed with, in units of a mean interval: it settles what the limits leave open."""
 
@@ -78,12 +80,24 @@ def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
     slack = given.excess()
     if not slack > 0 or not math.isfinite(slack):
         return phase
-    law = _fastest(given, stations, slack)
-    if law is None:
-        return phase
-    made = Warped(phase, law)
-    made = Warped(phase, law.slowed(excess(made, law.time, drive, limits)))
-    return made if made.duration < phase.duration else phase
+    best = phase
+    for _ in range(_ROUNDS):
+        law = _fastest(given, stations, slack)
+        if law is None:
+            break
+        made = _rates(Warped(phase, law), _halved(law.time), drive, limits)
+        slower = law.slowed(made.excess())
+        if slower.duration < best.duration:
+            best = Warped(phase, slower)
+        if made.excess() < 1 + _EXACT:
+            break
+        # Between stations it goes too far somewhere: there let it keep away from the limits by as much.
+        given = given.tightened(np.maximum(made.worst().reshape(-1, 2).max(1), 1.0))
+    return best
+
+
+def _halved(knots: Array) -> Array:
+    return np.sort(np.concatenate([knots, (knots[:-1] + knots[1:]) / 2]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +123,16 @@ class _Rates:
             math.sqrt(float(np.abs(self.second).max())),
             math.cbrt(float((np.abs(self.third) * self.tight).max())),
         )
+
+    def worst(self) -> Array:
+        """The largest share of a limit of acceleration or jerk over each interval (n,)."""
+        shares: Array = np.maximum(np.abs(self.second), np.abs(self.third) * self.tight).max((1, 2))
+        return shares
+
+    def tightened(self, by: Array) -> _Rates:
+        """The same over limits of acceleration and jerk that are smaller, by (n,) over each interval."""
+        each = by[:, None, None]
+        return replace(self, first=self.first * each, second=self.second * each, third=self.third * each)
 
 
 def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rates:
