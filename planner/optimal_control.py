@@ -1,5 +1,5 @@
-"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. The
-only file that imports casadi.
+"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. This
+file and retime.py import casadi.
 
 Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
 linear in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions
@@ -64,6 +64,14 @@ class Shape:
         """Pose, coordinates (and rates), duration."""
         return 4 + self.order * self.size
 
+    @property
+    def units(self) -> tuple[Array, float]:
+        """What Fatrop's states (state,) and controls are in, so that a change over an interval is about one:
+        it solves ill-scaled problems badly."""
+        states = np.ones(self.state)
+        states[3 + self.size : -1] = self.knots
+        return states, float(self.knots) ** self.order
+
     def parameters(self) -> dict[str, int]:
         """Names and sizes, in order.
 
@@ -108,6 +116,7 @@ class Solver:
         rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
         """
         n, m = self.shape.knots, self.shape.state
+        guess, controls = guess / self.shape.units[0], controls / self.shape.units[1]
         given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
         first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
         # Among obstacles a second try costs too much for what it seldom brings.
@@ -123,7 +132,7 @@ class Solver:
         if not np.isfinite(values).all():
             return None
         body = values[:-m].reshape(n, -1)
-        return np.vstack([body[:, :m], values[-m:]]), body[:, m:]
+        return np.vstack([body[:, :m], values[-m:]]) * self.shape.units[0], body[:, m:] * self.shape.units[1]
 
 
 @lru_cache(maxsize=32)
@@ -201,19 +210,21 @@ def _stage(shape: Shape) -> _Stage:
     problem = _Problem(shape, symbols)
     x, u, planes = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("n", 5 * shape.planes)
     p = ca.vertcat(*symbols.values())
+    unit, control = shape.units
+    at, by = x * unit, u * control
 
     def function(name: str, given: list[Any], rows: list[Any]) -> Any:
         return ca.Function(name, given, [ca.cse(ca.vertcat(*rows))])
 
     return _Stage(
         p.shape[0],
-        function("step", [x, u], [problem.step(x, u)]),
-        function("begin", [x, p], problem.at_end(x, symbols["start"], first=True)),
-        function("finish", [x, p], problem.at_end(x, symbols["goal"], first=False)),
-        function("bend", [x, p], problem.bends(x)),
-        function("speeds", [x, p], problem.speeds(x)),
-        function("changes", [x, u, p], problem.changes(x, u)),
-        function("gaps", [x, planes], problem.gaps(x, planes)),
+        function("step", [x, u], [problem.step(at, by) / unit]),
+        function("begin", [x, p], problem.at_end(at, symbols["start"], first=True)),
+        function("finish", [x, p], problem.at_end(at, symbols["goal"], first=False)),
+        function("bend", [x, p], problem.bends(at)),
+        function("speeds", [x, p], problem.speeds(at)),
+        function("changes", [x, u, p], problem.changes(at, by)),
+        function("gaps", [x, planes], problem.gaps(at, planes)),
     )
 
 
@@ -326,6 +337,10 @@ class _Problem:
         for share in _INSIDE["jerk" if kind == "twist" and self.shape.jerk else kind]:
             q, r = self._later(x, u, share * x[-1] / self.shape.knots)
             rows += self._changes(q, r, u)
+        if self.shape.coordinates == "car" and self.shape.jerk:
+            # A parabola stays within its control points: two are at the knots, this one is between.
+            _, q, r = self._split(x)
+            rows.append((q[1] + r[1] * x[-1] / (2 * self.shape.knots)) * self.p["curvature"])
         return rows
 
     def _changes(self, q: Any, r: Any, u: Any) -> list[Any]:

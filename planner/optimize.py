@@ -16,6 +16,7 @@ from planner.environment import CollisionWorld
 from planner.guess import Coordinates, Guess, flowing, flowing_time, sampled
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
+from planner.retime import hastened
 from planner.schedule import WheelSchedule
 from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
 
@@ -29,8 +30,6 @@ _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
-_BETWEEN = 5e-3
-"""Share by which a curvature that is not linear between knots is kept from its limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +54,7 @@ class Optimizer:
             knots = _knots(motion, self.problem.robot.limits, math.inf)
             found = self._solve(self._guess(motion, knots), np.zeros((knots + 1, 0, 5)))
             if found is not None and self._is_free(found):
+                found = hastened(found, self.problem.robot.limits)
                 return found if found.duration < motion.duration else None
         knots = _knots(motion, self.problem.robot.limits, _SPACING)
         best = motion
@@ -75,8 +75,10 @@ class Optimizer:
         near = planes
         for _ in range(_TRIES):
             found = self._solve(guess, near)
-            if found is None or self._is_free(found):
-                return found
+            if found is None:
+                return None
+            if self._is_free(found):
+                return hastened(found, self.problem.robot.limits)
             if self.is_over():
                 break
             # Beside the obstacles near the motion, those that the answer ran into.
@@ -167,7 +169,7 @@ class Optimizer:
             "speed": length / time / (law.radius[steered] * limits.wheel_speed[steered]),
             "acceleration": speed / limits.wheel_acceleration[order] / time,
             "jerk": speed / limits.wheel_jerk[order] / time**2, "steering": 1 / time / limits.steering_rate,
-            "curvature": self._turning_radius / length * (1 + _BETWEEN * shape.jerk),
+            "curvature": self._turning_radius / length,
             "body": [
                 length / time / limits.linear_speed, 1 / time / most,
                 length / time**2 / limits.linear_acceleration, length / time**2 / limits.lateral_acceleration,

@@ -4,8 +4,9 @@ ruckig.
 Everything happens in actuator space (see drives.drive). Along one piece, with w(s), w′(s) of every wheel
 and δ′(s) of every steered one, the limits are linear in (s̈, ṡ²), which is what TOPPRA solves (Pham and
 Pham, 2018). Where w is constant they do not depend on s at all, and Ruckig's state-to-state law is exact,
-jerk included (Berscheid and Kröger, 2021). Between pieces the robot is at rest; there the steered wheels
-are turned to where the next piece needs them.
+jerk included (Berscheid and Kröger, 2021). Where it is not and jerk is limited, TOPPRA's law is smoothed;
+planner.retime finds a faster one. Between pieces the robot is at rest; there the steered wheels are turned
+to where the next piece needs them.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limit
 from drives.se2 import Array, Pose
 from planner.errors import LimitsInfeasible
 from planner.path import Path, Piece
+from planner.retime import excess
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 
 __all__ = ["cruising_speed", "duration_estimate", "time_path"]
@@ -34,6 +36,11 @@ _BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
 _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
 """Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
 interval."""
+_SMOOTHING = (0.5, 0.7, 1.0, 1.5)
+"""Tried in turn: how far apart the control points of a smoothed law are, in units of the time in which
+acceleration builds up."""
+_CONTROLS = 1000
+"""How many of them there are at most."""
 
 
 def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None = None) -> Phases:
@@ -48,8 +55,7 @@ def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None =
         needed = law.steering[0]
         if steering is not None and drive.steers_at_rest:
             _steer(phases, piece.start, steering, needed, limits)
-        profile = _profile(grid, piece.body_path(grid), law, limits)
-        phases.append(Driven(piece, _slowed(profile, piece, grid, drive, limits, needed), grid, needed))
+        phases.append(_driven(piece, grid, law, drive, limits))
         steering = law.steering[-1]
     return Phases(drive, tuple(phases))
 
@@ -105,22 +111,42 @@ def _grid(piece: Piece, drive: Drive, limits: Limits, steering: Array | None) ->
         raise LimitsInfeasible(f"the steering limits do not allow the path: {error}") from error
 
 
-def _profile(grid: Array, path: BodyPath, law: ActuatorPath, limits: Limits) -> Profile:
-    """The fastest s(t) from rest at 0 to rest at 1."""
-    a, b, x_max = _rows(path, law, limits)
+def _driven(piece: Piece, grid: Array, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
+    """The piece from rest to rest: as fast as may be where jerk is unlimited or w is constant."""
+    needed = law.steering[0]
+    a, b, x_max = _rows(piece.body_path(grid), law, limits)
     constant = np.ptp(a, axis=0).max(initial=0.0) <= 1e-9 * np.abs(a).max() and not np.abs(b).max() > 1e-9
     if constant:
         with np.errstate(divide="ignore"):
             jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
         top = np.abs(a).max()
-        return _ruckig(math.sqrt(x_max.min()), 1 / top if top > 0 else math.inf, jerk)
-    if not np.isfinite(limits.wheel_jerk).any():
-        for scheme in (DiscretizationType.Interpolation, DiscretizationType.Collocation):
-            found = _toppra(grid, a, b, x_max, scheme)
-            if found is not None:
-                return found
-    # Where the law is too steep for TOPPRA's own tolerances, too.
-    return _bounded(grid, a, b, x_max, law, limits)
+        profile = _ruckig(math.sqrt(x_max.min()), 1 / top if top > 0 else math.inf, jerk)
+    else:
+        profile = _sharp(grid, a, b, x_max)
+    profile = _slowed(profile, piece, grid, drive, limits, needed)
+    if constant or not np.isfinite(limits.wheel_jerk).any():
+        return Driven(piece, profile, grid, needed, fastest=True)
+    ramp = float((limits.wheel_acceleration / limits.wheel_jerk).max())
+    tried = []
+    for share in _SMOOTHING:
+        smooth = _smoothed(profile, max(share * ramp, profile.duration / _CONTROLS))
+        over = excess(Driven(piece, smooth, grid, needed), _halved(smooth.time), drive, limits)
+        tried.append(smooth.slowed(over))
+    return Driven(piece, min(tried, key=lambda smooth: smooth.duration), grid, needed)
+
+
+def _sharp(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
+    """The fastest s(t) from rest at 0 to rest at 1, but for jerk."""
+    for scheme in (DiscretizationType.Interpolation, DiscretizationType.Collocation):
+        found = _toppra(grid, a, b, x_max, scheme)
+        if found is not None:
+            return found
+    # Where the law is too steep for TOPPRA's own tolerances.
+    return _bounded(a, b, x_max)
+
+
+def _halved(knots: Array) -> Array:
+    return np.sort(np.concatenate([knots, (knots[:-1] + knots[1:]) / 2]))
 
 
 def _slowed(
@@ -132,16 +158,14 @@ def _slowed(
     else:
         time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
     s, rate, acceleration = profile.at(time)
+    s = np.clip(s, 0.0, 1.0)
     s, first = np.unique(s, return_index=True)
     path = piece.body_path(s)
     a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
     x = rate[first] ** 2
     over = np.abs(a * acceleration[first, None] + b * x[:, None]).max(1)
     slower = math.sqrt(max(1.0, float(over.max()), float((x / x_max).max())))
-    return Profile(
-        profile.time * slower, profile.position, profile.velocity / slower, profile.acceleration / slower**2,
-        profile.jerk / slower**3,
-    )  # fmt: skip
+    return profile.slowed(slower)
 
 
 def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
@@ -251,28 +275,31 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
 
 
-def _bounded(grid: Array, a: Array, b: Array, x_max: Array, law: ActuatorPath, limits: Limits) -> Profile:
-    """A jerk-limited law where w is not constant: Ruckig under bounds on ṡ, s̈, s⃛ that hold for all s at
-    once.
+def _smoothed(sharp: Profile, spacing: float) -> Profile:
+    """A law without jumps of acceleration, near one with them: a cubic B-spline, its control points `spacing`
+    s apart on the sharp one.
 
-    wheel jerk = w·s⃛ + 3 w′·ṡ·s̈ + w″·ṡ³, each term at its worst. Valid, not fastest.
+    It keeps to the values of the sharp law, begins and ends at rest without acceleration, and takes two
+    intervals longer.
     """
-    a0, a1 = np.abs(a).max(), np.abs(b).max()
-    w2 = np.gradient(law.wheel_derivative, grid, axis=0)
-    j0, j1, j2 = (
-        float((np.abs(w).max(0) / limits.wheel_jerk).max()) for w in (law.wheel, law.wheel_derivative, w2)
+    intervals = max(1, math.ceil(sharp.duration / spacing))
+    h = sharp.duration / intervals
+    s, _, _ = sharp.at(h * np.arange(intervals + 1.0))
+    s = np.concatenate([np.zeros(3), np.clip(s[1:-1], 0.0, 1.0), np.ones(3)])
+    one, two, three = (np.diff(s, order) for order in (1, 2, 3))
+    return Profile(
+        h * np.arange(len(three) + 1.0), (s[:-3] + 4 * s[1:-2] + s[2:-1]) / 6,
+        (one[:-2] + one[1:-1]) / (2 * h), two[:-1] / h**2, three / h**3,
     )  # fmt: skip
-    v = math.sqrt(x_max.min()) * np.geomspace(0.02, 1.0, 60)[:, None]
-    share = np.linspace(0.05, 1.0, 20)[None]
-    acceleration = share * (1 - a1 * v**2) / a0
-    with np.errstate(divide="ignore"):
-        jerk = (1 - 3 * j1 * v * acceleration - j2 * v**3) / np.float64(j0)
-    valid = (acceleration > 0) & (jerk > 0)
-    if not valid.any():
-        raise LimitsInfeasible("the jerk limit does not allow the path")
-    acceleration, jerk = np.where(valid, acceleration, np.nan), np.where(valid, jerk, np.nan)
-    # Rest to rest over a unit of s: cruise, ramp and jerk phases, or what a short move needs.
-    ramp = v / acceleration + acceleration / jerk
-    estimate = np.maximum(1 / v, np.sqrt(4 / acceleration)) + ramp
-    i, j = np.unravel_index(np.nanargmin(estimate), estimate.shape)
-    return _ruckig(float(v[i, 0]), float(acceleration[i, j]), float(jerk[i, j]))
+
+
+def _bounded(a: Array, b: Array, x_max: Array) -> Profile:
+    """Ruckig's law under bounds on ṡ and s̈ that hold for all s at once: valid, not fastest."""
+    v = math.sqrt(x_max.min()) * np.geomspace(0.02, 1.0, 60)
+    acceleration = (1 - np.abs(b).max() * v**2) / np.abs(a).max()
+    v, acceleration = v[acceleration > 0], acceleration[acceleration > 0]
+    if len(v) == 0:
+        raise LimitsInfeasible("the acceleration limits do not allow the path")
+    # Rest to rest over a unit of s: cruise and ramps, or what a short move needs.
+    best = np.argmin(np.maximum(1 / v, np.sqrt(4 / acceleration)) + v / acceleration)
+    return _ruckig(float(v[best]), float(acceleration[best]), math.inf)

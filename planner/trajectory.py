@@ -14,7 +14,7 @@ from drives.se2 import Array, Pose
 from planner.path import Piece
 from planner.schedule import WheelSchedule
 
-__all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer"]
+__all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer", "Warped"]
 
 
 class Phase(Protocol):
@@ -104,23 +104,31 @@ class Profile:
         return float(self.time[-1])
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """s in [0, 1], ṡ and s̈ at times t (n,)."""
+        """s, ṡ and s̈ at times t (n,)."""
         i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.position) - 1)
         u = t - self.time[i]
         p, v, a, j = self.position[i], self.velocity[i], self.acceleration[i], self.jerk[i]
         s = p + u * (v + u * (a / 2 + u * j / 6))
-        return np.clip(s, 0.0, 1.0), v + u * (a + u * j / 2), a + u * j
+        return s, v + u * (a + u * j / 2), a + u * j
+
+    def slowed(self, by: float) -> Profile:
+        """The same way in `by` times the time."""
+        return Profile(
+            self.time * by, self.position, self.velocity / by, self.acceleration / by**2, self.jerk / by**3
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
     """One piece of a path, driven by a profile from rest to rest. steering (k,): where the wheels stand as it
-    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators."""
+    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators; fastest: whether no
+    profile within the limits is known to be faster."""
 
     piece: Piece
     profile: Profile
     grid: Array
     steering: Array
+    fastest: bool = False
 
     @property
     def duration(self) -> float:
@@ -128,6 +136,7 @@ class Driven:
 
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
         s, rate, acceleration = self.profile.at(time)
+        s = np.clip(s, 0.0, 1.0)
         fine, here = _union(self.grid, s)
         path = self.piece.body_path(fine)
         law = drive.actuators(path, self.steering)
@@ -145,6 +154,27 @@ class Driven:
         out.pose[rows] = self.piece.poses(s)
         out.twist[rows] = path.tangent[here] * v
         end: Array = turned[-1]
+        return end
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Warped:
+    """Another phase along the same way at other times: what it does at profile(t) s, this does at t."""
+
+    phase: Phase
+    profile: Profile
+
+    @property
+    def duration(self) -> float:
+        return self.profile.duration
+
+    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
+        then, rate, change = self.profile.at(time)
+        end = self.phase.fill(drive, np.clip(then, 0.0, self.phase.duration), out, rows, angle)
+        r, a = rate[:, None], change[:, None]
+        out.wheel_acceleration[rows] = out.wheel_acceleration[rows] * r**2 + out.wheel_velocity[rows] * a
+        for scaled in (out.wheel_velocity, out.steering_rate, out.twist):
+            scaled[rows] *= r
         return end
 
 

@@ -2,7 +2,7 @@
 
 The path that TOPP3 times is that of our own plan, in the space of the actuators: how far each wheel has
 rolled and stands steered. Its parameter is the way in that space, each wheel in units of its speed limit.
-Where the wheels rest on the way, the path is cut. Source: Wang et al., copp-py.
+Where the wheels rest on the way, or turn back, the path is cut. Source: Wang et al., copp-py.
 """
 
 from __future__ import annotations
@@ -73,8 +73,12 @@ def _limited(problem: Problem, period: float) -> Problem:
 def topp3(made: Plan, limits: Limits) -> float:
     """The duration (s) that TOPP3 gives to the path of a plan; time at rest on the way counts as it is."""
     given = made.schedule
-    speed = np.hypot.reduce(given.wheel_velocity / limits.wheel_speed, axis=1)
+    rate = given.wheel_velocity / limits.wheel_speed
+    speed = np.hypot.reduce(rate, axis=1)
     moving = speed > _REST
+    # Where the wheels turn back they rest, too, if only between two samples.
+    back = np.flatnonzero((rate[:-1] * rate[1:]).sum(1) < 0)
+    moving[np.where(speed[back] < speed[back + 1], back, back + 1)] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))
     total, moved = 0.0, 0.0
     for first, end in zip(edges[::2], edges[1::2], strict=True):

@@ -91,6 +91,19 @@ def test_optimized_motions_keep_the_jerk_limit(drive: Drive) -> None:
     assert answer(problem, "good").certificate.wheel_jerk_ratio <= 1.02
 
 
+@pytest.mark.parametrize("drive", [*STOPPING, Mecanum(0.05, 0.3, 0.4)], ids=lambda d: d.kind)
+@pytest.mark.parametrize(
+    "blocks", [(), (Circle(1.8, 0.3, 0.4), Circle(3.4, 1.9, 0.4))], ids=["open", "blocks"]
+)
+def test_a_jerk_limit_costs_a_few_per_cent(drive: Drive, blocks: tuple[Circle, ...]) -> None:
+    free = Problem(
+        robot(drive), Pose(0, 0, 0.3), Goal(5.0, 2.0, 1.2), replace(OPEN, obstacles=blocks), Options(seed=1)
+    )
+    made = answer(replace(free, robot=robot(drive, jerk=140.0)), "good")
+    assert made.planning["optimized"]
+    assert made.duration <= 1.06 * answer(free, "good").duration
+
+
 def test_a_car_begins_with_the_steering_it_has_and_goes_on_from_there() -> None:
     drive = Tricycle(0.15, 1.2, 0.8)
     problem = Problem(robot(drive), Pose(0, 0, 0), Goal(5.0, 1.0, 0.4), OPEN, steering=np.array([-0.5]))

@@ -1,0 +1,333 @@
+"""A motion → the fastest one along the same way, the wheels' jerk limited too.
+
+The way is parametrized by the time σ at which the given motion is there. With φ(σ) the angle of a wheel,
+φ′, φ″ and φ‴ its rate, acceleration and jerk in the given motion, a new law σ(t) has
+
+    rate           φ′ σ̇
+    acceleration   φ″ σ̇² + φ′ σ̈
+    jerk           φ‴ σ̇³ + 3 φ″ σ̇ σ̈ + φ′ σ⃛
+
+As the given motion starts and ends at rest, any σ̇ does, at the ends too; σ̇ = 1 is the motion itself. Between
+fixed stations σ_k the new law is cubic: σ̇ and σ̈ at the stations are states, σ⃛ and the time to the next
+station are controls of an optimal control problem, stated in CasADi and solved by Fatrop.
+
+Sources: Verscheure et al. (2009), time-optimal path tracking; Vanroye et al. (2023), Fatrop.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from drives.drive import Drive, Limits
+from drives.se2 import Array
+from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
+
+__all__ = ["excess", "hastened", "retimed"]
+
+_SIZES = (128, 160, 192, 224, 256, 320, 384)
+_SPACING = 0.4
+"""Between stations, in units of the time that acceleration takes to build up."""
+_INSIDE = 4
+"""Parts of an interval that its derivatives are taken from."""
+_LEAST, _FASTEST = 1e-3, 20.0
+"""Bounds of σ̇."""
+_ROUNDS, _EXACT = 3, 2e-3
+"""How often a law is sought, as long as the last one must be slowed by more than this share."""
+_EFFORT = 0.3
+"""What σ⃛ is weighed with, in units of a mean interval: it settles what the limits leave open."""
+
+
+def hastened(motion: Phases, limits: Limits) -> Phases:
+    """The motion, each of its phases retimed where jerk is limited and that may help."""
+    if not np.isfinite(limits.wheel_jerk).any():
+        return motion
+
+    def faster(phase: Phase) -> Phase:
+        match phase:
+            case Flowing():
+                return retimed(phase, phase.time, motion.drive, limits)
+            case Driven(fastest=False):
+                return retimed(phase, phase.profile.time, motion.drive, limits)
+            case _:
+                return phase
+
+    return Phases(motion.drive, tuple(faster(phase) for phase in motion.phases))
+
+
+def excess(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> float:
+    """By what factor a phase must be slowed to keep all limits.
+
+    knots (n,) s: times between which its wheels' accelerations are smooth, its ends included.
+    """
+    return _rates(phase, knots, drive, limits).excess()
+
+
+def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
+    """The phase, or a faster one along the same way that keeps all limits.
+
+    The phase starts and ends at rest without acceleration of the wheels. knots (n,) s: times between which
+    its wheels' accelerations are smooth, its ends included.
+    """
+    stations = _stations(knots, _size(phase.duration, len(knots) - 1, limits))
+    given = _rates(phase, stations, drive, limits)
+    slack = given.excess()
+    if not slack > 0 or not math.isfinite(slack):
+        return phase
+    best = phase
+    for _ in range(_ROUNDS):
+        law = _fastest(given, stations, slack)
+        if law is None:
+            break
+        made = _rates(Warped(phase, law), _halved(law.time), drive, limits)
+        slower = law.slowed(made.excess())
+        if slower.duration < best.duration:
+            best = Warped(phase, slower)
+        if made.excess() < 1 + _EXACT:
+            break
+        # Between stations it goes too far somewhere: there let it keep away from the limits by as much.
+        given = given.tightened(np.maximum(made.worst().reshape(-1, 2).max(1), 1.0))
+    return best
+
+
+def _halved(knots: Array) -> Array:
+    return np.sort(np.concatenate([knots, (knots[:-1] + knots[1:]) / 2]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rates:
+    """How fast a motion is, at points of n intervals, both ends among them.
+
+    first, second, third (n, points, r): rates of the wheels, and the body's speed if its acceleration is
+    limited, with their first and second derivatives in time, all over the limit of acceleration: s, 1, 1/s.
+    tight (r,): the limit of acceleration over that of jerk, s. fastest (n, points): the largest share of a
+    speed limit.
+    """
+
+    first: Array
+    second: Array
+    third: Array
+    tight: Array
+    fastest: Array
+
+    def excess(self) -> float:
+        """By what factor the motion must be slowed to keep all limits."""
+        return max(
+            float(self.fastest.max()),
+            math.sqrt(float(np.abs(self.second).max())),
+            math.cbrt(float((np.abs(self.third) * self.tight).max())),
+        )
+
+    def worst(self) -> Array:
+        """The largest share of a limit of acceleration or jerk over each interval (n,)."""
+        shares: Array = np.maximum(np.abs(self.second), np.abs(self.third) * self.tight).max((1, 2))
+        return shares
+
+    def tightened(self, by: Array) -> _Rates:
+        """The same over limits of acceleration and jerk that are smaller, by (n,) over each interval."""
+        each = by[:, None, None]
+        return replace(self, first=self.first * each, second=self.second * each, third=self.third * each)
+
+
+def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rates:
+    n = len(stations) - 1
+    step = np.diff(stations) / _INSIDE
+    inside = stations[:-1, None] + step[:, None] * np.arange(_INSIDE)
+    sampled = Phases(drive, (phase,)).sample(np.append(inside.ravel(), stations[-1]))
+
+    def split(values: Array) -> Array:
+        """By interval, the points at its ends included (n, points, …)."""
+        at = np.arange(n)[:, None] * _INSIDE + np.arange(_INSIDE + 1)
+        parts: Array = values[at]
+        return parts
+
+    def change(values: Array) -> Array:
+        """Derivative in time of values (n, points, …)."""
+        slopes: Array = np.gradient(values, axis=1, edge_order=2)
+        return slopes / step.reshape(-1, *[1] * (values.ndim - 1))
+
+    twist = split(sampled.twist)
+    vx, vy, omega = np.moveaxis(twist, -1, 0)
+    dvx, dvy, _ = np.moveaxis(change(twist), -1, 0)
+    speed = np.hypot(vx, vy)
+    rate, acceleration = split(sampled.wheel_velocity), split(sampled.wheel_acceleration)
+    still = np.maximum(speed, 1e-9)
+    gained = (vx * dvx + vy * dvy) / still
+    across = np.abs(omega * speed + (vx * dvy - vy * dvx) / still)
+    bound = limits.wheel_acceleration
+    fastest = [
+        (np.abs(rate) / limits.wheel_speed).max(-1), speed / limits.linear_speed,
+        np.abs(omega) / limits.angular_speed, np.sqrt(across / limits.lateral_acceleration),
+        (np.abs(split(sampled.steering_rate)) / limits.steering_rate).max(-1, initial=0.0),
+    ]  # fmt: skip
+    first, second, third = rate / bound, acceleration / bound, change(acceleration) / bound
+    tight = bound / limits.wheel_jerk
+    if math.isfinite(limits.linear_acceleration):
+        first, second, third = (
+            np.concatenate([wheels, body[..., None]], -1)
+            for wheels, body in (
+                (first, speed / limits.linear_acceleration),
+                (second, gained / limits.linear_acceleration),
+                (third, np.zeros_like(speed)),
+            )
+        )
+        tight = np.append(tight, 0.0)
+    return _Rates(first, second, third, tight, np.max(fastest, 0))
+
+
+def _size(duration: float, pieces: int, limits: Limits) -> int:
+    """How many intervals to take."""
+    ramps = limits.wheel_acceleration / limits.wheel_jerk
+    wanted = max(duration / (_SPACING * float(ramps[ramps > 0].min())), pieces)
+    return next((n for n in _SIZES if wanted <= n), _SIZES[-1])
+
+
+def _stations(knots: Array, size: int) -> Array:
+    """Times (size + 1,) as evenly spread as may be, the knots among them, or some where they are too many."""
+    if len(knots) > size + 1:
+        knots = knots[np.linspace(0, len(knots) - 1, size + 1).round().astype(int)]
+    parts = [1] * (len(knots) - 1)
+    widest = [(-length, i) for i, length in enumerate(np.diff(knots).tolist())]
+    heapq.heapify(widest)
+    for _ in range(size - len(parts)):
+        _, i = widest[0]
+        parts[i] += 1
+        heapq.heapreplace(widest, (-float(knots[i + 1] - knots[i]) / parts[i], i))
+    ends = zip(knots[:-1], knots[1:], parts, strict=True)
+    return np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in ends]), knots[-1])
+
+
+def _distinct(given: _Rates) -> list[int]:
+    """Of rates that always change alike, one."""
+    kept: list[int] = []
+    size = np.abs(given.first)
+    for i in range(size.shape[-1]):
+        if not any(
+            given.tight[i] == given.tight[j] and np.allclose(size[..., i], size[..., j], 1e-6, 1e-6)
+            for j in kept
+        ):
+            kept.append(i)
+    return kept
+
+
+def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
+    """The fastest law through the stations, looking for it near the motion slowed by `slack`."""
+    # An interval is about 1 in the unit of time.
+    n = len(stations) - 1
+    way = np.diff(stations)
+    unit = float(way.mean())
+    kept = _distinct(given)
+    first, second, third = (
+        each[..., kept] for each in (given.first / unit, given.second, given.third * unit)
+    )
+    tight, rows = given.tight[kept] / unit, len(kept)
+    top = 1 / np.maximum(np.concatenate([given.fastest[:, 0], given.fastest[-1:, -1]]), 1 / _FASTEST)
+    half = _INSIDE // 2
+    middle = 1 / np.maximum(given.fastest[:, half], 1 / _FASTEST)
+    parameters = np.concatenate([
+        way[:, None] / unit, top[:-1, None], middle[:, None],
+        *(each[:, at] for at in (0, -1, half) for each in (first, second, third)),
+    ], 1)  # fmt: skip
+    start = 1 / slack
+    guess = np.column_stack([np.full(n, start), np.zeros(n), np.zeros(n), way / unit / start]).ravel()
+    found = _solver(n, rows).solve(
+        np.append(guess, [start, 0.0]), np.concatenate([parameters.ravel(), tight, [float(top[-1])]])
+    )
+    if found is None:
+        return None
+    state = found[:-2].reshape(n, 4)
+    rate, change, jerk, step = state.T
+    if not np.isfinite(found).all() or not (step > 0).all():
+        return None
+    return Profile(
+        np.concatenate([[0.0], np.cumsum(step)]) * unit, stations[:-1], rate, change / unit, jerk / unit**2
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """A compiled solver for a number of intervals and of rows."""
+
+    _function: Any
+    _lower: Array
+    _upper: Array
+
+    def solve(self, guess: Array, parameters: Array) -> Array | None:
+        found = self._function(x0=guess, p=parameters, lbg=self._lower, ubg=self._upper)
+        if not self._function.stats()["success"]:
+            return None
+        values: Array = np.array(found["x"]).ravel()
+        return values
+
+
+@lru_cache(maxsize=32)
+def _solver(n: int, rows: int) -> _Solver:
+    """The solver for n intervals and so many rates whose accelerations and jerks are limited."""
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 2)
+    p, tight = ca.SX.sym("p", 3 + 9 * rows), ca.SX.sym("tight", rows)
+    rate, change, jerk, step = x[0], x[1], u[0], u[1]
+    way, top, middle = p[0], p[1], p[2]
+    (first, second, third, first_after, second_after, third_after, first_between, second_between,
+     third_between) = ca.vertsplit(p[3:], rows)  # fmt: skip
+    after = ca.vertcat(rate + step * (change + step * jerk / 2), change + step * jerk)
+    moved = step * (rate + step * (change / 2 + step * jerk / 6))
+
+    def jerks(x: Any, first: Any, second: Any, third: Any) -> Any:
+        return tight * (third * x[0] ** 3 + 3 * second * x[0] * x[1] + first * jerk)
+
+    # Half the time is not quite half the way.
+    halfway = rate + step / 2 * (change + step / 4 * jerk)
+    ahead = step / 2 * (rate + step / 4 * (change + step / 6 * jerk)) - way / 2
+    held = ca.vertcat(
+        halfway / middle,
+        (second_between + ahead * third_between) * halfway**2
+        + (first_between + ahead * second_between) * (change + step / 2 * jerk),
+        second * rate**2 + first * change,
+        jerks(x, first, second, third),
+        jerks(after, first_after, second_after, third_after),
+    )
+    stage = ca.Function(
+        "stage", [x, u, p, tight], [ca.cse(ca.vertcat(after, moved - way, rate / top, step, held))]
+    )
+    variables = ca.MX.sym("w", 4 * n + 2)
+    pairs = ca.reshape(variables[: 4 * n], 4, n)
+    states, controls = ca.horzcat(pairs[:2, :], variables[-2:]), pairs[2:, :]
+    given = ca.MX.sym("p", n * (3 + 9 * rows) + rows + 1)
+    each = ca.reshape(given[: n * (3 + 9 * rows)], 3 + 9 * rows, n)
+    values = stage.map(n)(states[:, :-1], controls, each, ca.repmat(given[-1 - rows : -1], 1, n))
+    gap = ca.horzsplit(states[:, 1:] - values[:2, :])
+    path = ca.horzsplit(values[2:, :])
+    g: list[Any] = []
+    lower: list[float] = []
+    upper: list[float] = []
+
+    def hold(row: Any, low: list[float], high: list[float]) -> None:
+        g.append(row)
+        lower.extend(low)
+        upper.extend(high)
+
+    inequalities = 4 * rows + 1
+    for i in range(n):
+        hold(ca.vertcat(gap[i], path[i]), [0.0, 0.0, 0.0, _LEAST, _LEAST, *[-1.0] * inequalities],
+             [0.0, 0.0, 0.0, 1.0, math.inf, *[1.0] * inequalities])  # fmt: skip
+        if i == 0:
+            hold(states[1, 0], [0.0], [0.0])
+        if i in (0, n - 1):
+            hold(controls[0, i], [0.0], [0.0])
+    hold(states[:, n] / ca.vertcat(given[-1], 1), [_LEAST, 0.0], [1.0, 0.0])
+    program = {
+        "x": variables, "p": given, "g": ca.vertcat(*g),
+        "f": (ca.sum2(controls[1, :]) + _EFFORT * ca.sumsqr(controls[0, :])) / n,
+    }  # fmt: skip
+    options: dict[str, Any] = {
+        "print_time": False, "structure_detection": "auto",
+        "equality": [low == high for low, high in zip(lower, upper, strict=True)],
+        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 1e-4, "max_iter": 100},
+    }  # fmt: skip
+    return _Solver(ca.nlpsol("retime", "fatrop", program, options), np.array(lower), np.array(upper))
