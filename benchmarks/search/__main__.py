@@ -82,6 +82,11 @@ def _compare(
     for query, found in zip(queries, theirs, strict=False):
         if found.holds:
             known.add(scene.name, mobility.name, query, found.length, "native OMPL")
+    for query in queries:
+        if query.via and known.length(scene.name, mobility.name, query) is None:
+            length = ours.in_legs(mobility, query, budget)
+            if length is not None:
+                known.add(scene.name, mobility.name, query, length, "planner, in legs")
     best = [known.length(scene.name, mobility.name, query) for query in queries]
     solvable = [k for k, length in enumerate(best) if length is not None]
     times = [plans[k].total if plans[k].solved else math.inf for k in solvable]

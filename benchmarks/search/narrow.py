@@ -10,9 +10,10 @@ from benchmarks.search.mobilities import Mobility
 from drives.se2 import Array, Pose
 from planner.problem import Bounds, Environment, Polygon
 
-__all__ = ["passage", "slot"]
+__all__ = ["Made", "passage", "slot"]
 
-Made = tuple[Environment, Pose, Pose]
+Made = tuple[Environment, Pose, Pose, tuple[Pose, ...]]
+"""Where, the start, the goal, and poses on a way between them: with these in hand it is easily found."""
 
 _TIGHT, _WIDE = 0.04, 0.12
 """What a passage is wider than the footprint (m), in all."""
@@ -39,6 +40,16 @@ def _middle(mobility: Mobility) -> float:
     return float(x.min() + x.max()) / 2
 
 
+def _behind(mobility: Mobility, x: float, y: float) -> Pose:
+    """About to enter a corridor along x that begins at (x, y)."""
+    return Pose(x - float(mobility.outline[:, 0].max()) - 0.02, y, 0.0)
+
+
+def _past(mobility: Mobility, x: float, y: float) -> Pose:
+    """Just out of a corridor along x that ends at (x, y)."""
+    return Pose(x - float(mobility.outline[:, 0].min()) + 0.02, y, 0.0)
+
+
 def _heading(random: np.random.Generator) -> float:
     return float(random.uniform(-math.pi, math.pi))
 
@@ -57,6 +68,7 @@ def _corridor(mobility: Mobility, random: np.random.Generator) -> Made:
         Environment(Bounds(0.0, 0.0, 2 * room + long, room), walls),
         Pose(room / 2, starts, _heading(random)),
         Pose(1.5 * room + long, goals, _heading(random)),
+        (_behind(mobility, room, high), _past(mobility, room + long, high)),
     )
 
 
@@ -78,10 +90,14 @@ def _corner(mobility: Mobility, random: np.random.Generator) -> Made:
         _box(right + gap / 2, turn, x1 + room, y0),
         _box(x1, 0.0, x1 + room, turn),
     )
+    tail = float(mobility.outline[:, 0].min()) - 0.02
+    start, end = Pose(right - mobility.radius, low, 0.0), Pose(right, low + mobility.radius, math.pi / 2)
+    turning = (Pose(right, low, 0.0), Pose(right, low, math.pi / 2)) if mobility.pivots else (start, end)
     return (
         Environment(Bounds(0.0, 0.0, x1 + room, side), walls),
         Pose(room / 2, room / 2, _heading(random)),
         Pose(x0 + room / 2, y0 + room / 2, _heading(random)),
+        (_behind(mobility, room, low), *turning, Pose(right, y0 - tail, math.pi / 2)),
     )
 
 
@@ -99,6 +115,7 @@ def _dead_end(mobility: Mobility, random: np.random.Generator) -> Made:
         Environment(Bounds(0.0, 0.0, room + long, room), walls),
         Pose(room + long - nose - 0.05, high, 0.0),
         Pose(room / 2, float(random.uniform(0.3, 0.7)) * room, math.pi),
+        (_behind(mobility, room, high),),
     )
 
 
@@ -130,4 +147,5 @@ def _parked(
         Environment(Bounds(0.0, 0.0, 2 * side + wide, deep + street), neighbours),
         Pose(first, deep + street / 2, float(random.uniform(-0.3, 0.3))),
         Pose(float(x), float(y), heading),
+        () if heading == 0.0 else (Pose(float(x), float(y) + mobility.length + 0.1, heading),),
     )

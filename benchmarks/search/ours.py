@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from benchmarks.search.mobilities import Mobility
 from benchmarks.search.scenes import Query, problem, world
@@ -15,7 +16,7 @@ from planner.errors import PlanningError
 from planner.plan import plan
 from planner.problem import Environment
 
-__all__ = ["Ours", "prepare", "run", "run_one", "time_motions"]
+__all__ = ["Ours", "in_legs", "prepare", "run", "run_one", "time_motions"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,13 @@ def run_one(mobility: Mobility, query: Query, budget: float) -> Ours:
         return Ours(False, time.perf_counter() - begin, 0.0, f"{type(error).__name__}: {error}")
     total = time.perf_counter() - begin
     return Ours(True, total, made.length, made.planning["planner"], made.planning["timings"])
+
+
+def in_legs(mobility: Mobility, query: Query, budget: float) -> float | None:
+    """Length (m) of the way by way of the poses that the query names; None where a leg is not found."""
+    poses = (query.start, *query.via, query.goal)
+    legs = [run_one(mobility, Query(query.draw, query.environment, a, b), budget) for a, b in pairwise(poses)]
+    return sum(leg.length for leg in legs) if all(leg.solved for leg in legs) else None
 
 
 def time_motions(mobility: Mobility, environment: Environment, a: Array, b: Array) -> float:

@@ -28,12 +28,14 @@ _MAX_CELLS = 1 << 25
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """One start and goal, in one environment. draw names it within its scene and mobility."""
+    """One start and goal, in one environment. draw names it within its scene and mobility; via: poses on a
+    way between them, where one is known."""
 
     draw: int
     environment: Environment
     start: Pose
     goal: Pose
+    via: tuple[Pose, ...] = ()
 
 
 class Fineness(NamedTuple):
