@@ -53,6 +53,8 @@ def ratios(
 ) -> str:
     """Of the medians: of whole plans, and of their paths alone, to native's paths."""
     a, b, c, d = (float(np.median(t)) for t in (plan, path, first, total))
+    if not np.isfinite([a, b, c, d]).all():
+        return f"{'':22}planner / native: no ratio, one of them missed half the queries"
     simple, plain = f"{a / d:.2f} ({b / d:.2f})", f"{a / c:.2f} ({b / c:.2f})"
     return f"{'':22}planner (its path alone) / native: {simple} with simplify, {plain} without"
 
