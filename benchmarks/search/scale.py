@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.search import ours
-from benchmarks.search.mobilities import Mobility
+from benchmarks.search.mobilities import MOBILITIES, Mobility
 from benchmarks.search.report import milliseconds
 from benchmarks.search.scenes import SEED, Query, free_poses, store
 from drives.se2 import Array, Pose
@@ -19,6 +19,8 @@ from planner.environment import CollisionWorld
 from planner.problem import Bounds, Circle, Environment
 
 __all__ = ["obstacles", "sizes", "unreachable"]
+
+Route = tuple[Pose, Pose]
 
 _TILE, _CELL = 256, 0.1
 _SIDE = _TILE * _CELL
@@ -28,33 +30,32 @@ _COUNTS = (10, 100, 1_000, 10_000)
 
 
 def sizes(mobilities: Iterable[Mobility], root: Path, budget: float) -> None:
-    """Routes within one tile of a town, alone and in ever more of it; then from edge to edge of the largest
-    map, and of as much of it as the route needs."""
-    print(
-        f"\n{'map':12}{'mobility':13}{'prepared in':>12}{'median':>10}{'worst':>10}{'solved':>8}{'ratio':>7}"
-    )
-    maps = {(n, n): _town(n // _TILE, n // _TILE, root) for n in _SIZES}
+    """Routes within one tile of a town, alone and in ever more of it; then from edge to edge of a row of
+    tiles, alone and across the largest map."""
+    print(f"\n{'map':12}{'mobility':13}{'median':>10}{'worst':>10}{'solved':>8}{'ratio':>7}")
+    maps = {n: _town(n // _TILE, n // _TILE, root) for n in _SIZES}
     largest = _SIZES[-1]
-    maps[_TILE, largest] = _town(1, largest // _TILE, root)
+    band, far = _town(1, largest // _TILE, root), (largest - _TILE) * _CELL
+    for n, environment in maps.items():
+        took = ours.prepare(environment, MOBILITIES["holonomic"])
+        print(f"{f'{n} x {n}':12}looked at for the first time by a process: {took * 1e3:.0f} ms")
+    tile = np.array([0.0, 0.0, _SIDE, _SIDE])
     for mobility in mobilities:
-        tile, fit = maps[_TILE, _TILE], 0.0
-        inside = list(_routes(tile, np.array([0.0, 0.0, _SIDE, _SIDE]), mobility, 0.5 * _SIDE))
+        inside = _routes(maps[_TILE], tile, tile, mobility, 0.5 * _SIDE)
+        least = 0.0
         for n in _SIZES:
             middle = n // _TILE // 2 * _SIDE
-            fit = _timed(f"{n} x {n}", maps[n, n], [_moved(q, middle, middle) for q in inside], mobility,
-                         budget, fit)  # fmt: skip
-        band, far = maps[_TILE, largest], (largest - _TILE) * _CELL
-        ends = zip(inside, _routes(tile, np.array([0.0, 0.0, _SIDE, _SIDE]), mobility, 0.0), strict=False)
-        across = [(a.start, _moved(b, far, 0.0).goal) for a, b in ends]
-        fit = _timed(f"{largest} x {_TILE}", band, across, mobility, budget, 0.0)
-        up = largest // _TILE // 2 * _SIDE
-        _timed("  across", maps[largest, largest], [(_up(a, up), _up(b, up)) for a, b in across], mobility,
-               budget, fit)  # fmt: skip
+            ends = [_moved(route, middle, middle) for route in inside]
+            least = _timed(f"{n} x {n}", maps[n], ends, mobility, budget, least)
+        across = _routes(band, tile, tile + np.array([far, 0.0, far, 0.0]), mobility, 0.0)
+        least = _timed(f"{largest} x {_TILE}", band, across, mobility, budget, 0.0)
+        ends = [_moved(route, 0.0, largest // _TILE // 2 * _SIDE) for route in across]
+        _timed("  across", maps[largest], ends, mobility, budget, least)
 
 
 def obstacles(mobilities: Iterable[Mobility], budget: float) -> None:
     """Routes among ten obstacles, with ever more of them elsewhere."""
-    print(f"\n{'obstacles':12}{'mobility':13}{'':12}{'median':>10}{'worst':>10}{'solved':>8}{'ratio':>7}")
+    print(f"\n{'obstacles':12}{'mobility':13}{'median':>10}{'worst':>10}{'solved':>8}{'ratio':>7}")
     random = np.random.default_rng(SEED)
     half, around = 100.0, Bounds(-100.0, -100.0, 100.0, 100.0)
     near = [Circle(float(x), float(y), 0.5) for x, y in random.uniform(-8.0, 8.0, (_COUNTS[0], 2))]
@@ -66,16 +67,16 @@ def obstacles(mobilities: Iterable[Mobility], budget: float) -> None:
     every = (*near, *islice(far, _COUNTS[-1] - len(near)))
     for mobility in mobilities:
         few = Environment(around, every[: _COUNTS[0]])
-        routes = list(_routes(few, np.array([-10.0, -10.0, 10.0, 10.0]), mobility, 12.0))
+        middle = np.array([-10.0, -10.0, 10.0, 10.0])
+        routes = _routes(few, middle, middle, mobility, 12.0)
         least = 0.0
         for n in _COUNTS:
-            ends = [(q.start, q.goal) for q in routes]
-            least = _timed(f"{n}", Environment(around, every[:n]), ends, mobility, budget, least)
+            least = _timed(f"{n}", Environment(around, every[:n]), routes, mobility, budget, least)
 
 
 def unreachable(mobilities: Iterable[Mobility], root: Path, budget: float) -> None:
     """Goals, then starts, in rooms without a door or with one too narrow, on a map of 1000 x 1000 cells."""
-    print(f"\n{'unreachable':12}{'mobility':13}{'':12}{'median':>10}{'worst':>10}{'proven':>8}")
+    print(f"\n{'unreachable':12}{'mobility':13}{'median':>10}{'worst':>10}{'proven':>8}")
     for mobility in mobilities:
         town = _cells(4, 4)[:1000, :1000]
         room, half = math.ceil((mobility.diagonal + 0.4) / _CELL), 2
@@ -100,7 +101,7 @@ def unreachable(mobilities: Iterable[Mobility], root: Path, budget: float) -> No
             answer = ours.run_one(mobility, Query(k, environment, *ends), budget)
             took.append(answer.total)
             proven += answer.by.startswith("NoPathExists")
-        print(f"{'':12}{mobility.name:13}{'':12}{milliseconds(float(np.median(took)))}"
+        print(f"{'':12}{mobility.name:13}{milliseconds(float(np.median(took)))}"
               f"{milliseconds(max(took))}{proven:4}/{len(took):3}")  # fmt: skip
 
 
@@ -122,43 +123,42 @@ def _town(rows: int, columns: int, root: Path) -> Environment:
     return Environment(map=store(_cells(rows, columns), _CELL, root))
 
 
-def _routes(environment: Environment, area: Array, mobility: Mobility, apart: float) -> Iterator[Query]:
-    """Random queries with ends in an area and at least so far apart (m), all of which can be planned."""
+def _routes(
+    environment: Environment, starts: Array, goals: Array, mobility: Mobility, apart: float
+) -> list[Route]:
+    """Random starts and goals in two areas, at least so far apart (m), that need a search."""
     free = CollisionWorld.build(environment, mobility.robot.footprint)
-    poses = free_poses(area, free, np.random.default_rng(SEED))
-    draw = found = 0
-    while found < _ROUTES:
-        query = Query(draw, environment, next(poses), next(poses))
-        draw += 1
-        way = math.hypot(query.goal.x - query.start.x, query.goal.y - query.start.y)
-        if way >= apart and ours.run_one(mobility, query, 2.0).solved:
-            found += 1
-            yield query
+    first, last = (
+        free_poses(area, free, np.random.default_rng([SEED, k])) for k, area in enumerate((starts, goals))
+    )
+    found: list[Route] = []
+    while len(found) < _ROUTES:
+        a, b = next(first), next(last)
+        if math.hypot(b.x - a.x, b.y - a.y) < apart:
+            continue
+        made = ours.run_one(mobility, Query(0, environment, a, b), 5.0)
+        if made.solved and made.by != "direct":
+            found.append((a, b))
+    return found
 
 
-def _moved(query: Query, x: float, y: float) -> tuple[Pose, Pose]:
-    a, b = (Pose(p.x + x, p.y + y, p.theta) for p in (query.start, query.goal))
+def _moved(route: Route, x: float, y: float) -> Route:
+    a, b = (Pose(pose.x + x, pose.y + y, pose.theta) for pose in route)
     return a, b
 
 
-def _up(pose: Pose, y: float) -> Pose:
-    return Pose(pose.x, pose.y + y, pose.theta)
-
-
 def _timed(
-    what: str, environment: Environment, ends: list[tuple[Pose, Pose]], mobility: Mobility, budget: float,
+    what: str, environment: Environment, ends: list[Route], mobility: Mobility, budget: float,
     least: float,
 ) -> float:  # fmt: skip
     """A line for routes on one world; the median (s). Its ratio to `least`, unless that is 0, is printed."""
-    prepared = ours.prepare(environment, mobility)
+    ours.prepare(environment, mobility)
     took, solved = [], 0
     for k, (start, goal) in enumerate(ends):
         plans = [ours.run_one(mobility, Query(k, environment, start, goal), budget) for _ in range(_REPEATS)]
         took.append(float(np.median([p.total for p in plans])))
         solved += plans[0].solved
     median = float(np.median(took))
-    line = (
-        f"{what:12}{mobility.name:13}{prepared * 1e3:9.0f} ms{milliseconds(median)}{milliseconds(max(took))}"
-    )
+    line = f"{what:12}{mobility.name:13}{milliseconds(median)}{milliseconds(max(took))}"
     print(f"{line}{solved:4}/{len(ends):3}" + (f"{median / least:7.2f}" if least > 0 else ""), flush=True)
     return least or median
