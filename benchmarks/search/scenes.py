@@ -123,7 +123,7 @@ def _along(positions: list[Array], environment: Environment, mobility: Mobility,
             poses = [Pose(float(x), float(y), float(a)) for a in random.uniform(-math.pi, math.pi, 8)]
             ends += [pose for pose in poses if free.is_free(pose)][:1]
         if len(ends) == 2:
-            found.append(Query(draw, environment, *ends))
+            found.append(Query(draw, environment, ends[0], ends[1]))
         if len(found) == n:
             return found
     more = _drawn(environment, mobility, n - len(found))
@@ -145,7 +145,7 @@ def _drawn(environment: Environment, mobility: Mobility, n: int) -> list[Query]:
 
 
 def _generated(
-    make: Callable[[Mobility, np.random.Generator], tuple[Environment, Pose, Pose]],
+    make: Callable[[Mobility, np.random.Generator], narrow.Made],
     mobility: Mobility,
     n: int,
 ) -> list[Query]:
