@@ -86,6 +86,11 @@ class Connector(ABC):
     def state_space(self) -> Literal["SE2", "ReedsShepp", "Dubins"]:
         return "SE2"
 
+    @property
+    def steers(self) -> bool:
+        """Whether the body heads where it goes, or against it."""
+        return True
+
     @abstractmethod
     def motions(self, a: Array, b: Array) -> Motions:
         """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π."""
@@ -140,6 +145,10 @@ class Connector(ABC):
 @dataclass(frozen=True, eq=False)
 class LineConnector(Connector):
     """Holonomic: a straight line in SE(2), the heading turning the shorter way."""
+
+    @property
+    def steers(self) -> bool:
+        return False
 
     def motions(self, a: Array, b: Array) -> Motions:
         step = b - a

@@ -9,7 +9,7 @@ a seed names its path.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,9 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from drives.se2 import Pose, compose
+from planner.collision import REACH
 from planner.connect import Connector
+from planner.guide import Guide, Route
 from planner.path import Path, merge
 from planner.problem import Environment
 
@@ -26,28 +28,33 @@ __all__ = ["Search"]
 
 ou.setLogLevel(ou.LOG_NONE)
 
-_TURNS: tuple[tuple[str, int], ...] = (
-    ("RRTConnect", 2_000),
-    ("RRTConnect", 4_000),
-    ("KPIECE1", 4_000),
-    ("RRTConnect", 16_000),
-    ("BKPIECE1", 16_000),
+_TURNS: tuple[tuple[str, int, bool], ...] = (
+    ("RRTConnect", 1_000, True),
+    ("RRTConnect", 2_000, True),
+    ("RRTConnect", 2_000, False),
+    ("KPIECE1", 4_000, False),
+    ("RRTConnect", 16_000, True),
+    ("RRTConnect", 16_000, False),
+    ("BKPIECE1", 16_000, False),
 )
-"""Planners in turn, each with the number of motions it may check; the last ones repeat, with more each
-time."""
+"""Planners in turn, each with the number of motions it may check and whether it follows a route; the last
+three repeat, with more each time."""
+_STRIDE, _BESIDE, _BEYOND = 4.0, 2.0, 2.0
+"""Along a route, in reaches of the footprint: the longest motion, and room for poses beside it and past its
+ends."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
-    """Counts the motions it checks: that is how work is measured."""
+    """Counts the motions it checks: that is how work is measured. pose: of the body, of a state's numbers."""
 
-    def __init__(self, information: Any, connector: Connector) -> None:
+    def __init__(self, information: Any, connector: Connector, pose: Callable[..., Pose]) -> None:
         super().__init__(information)
-        self.free = connector.edge_free
+        self.free, self.pose = connector.edge_free, pose
         self.count = 0
 
     def checkMotion(self, a: Any, b: Any) -> bool:
         self.count += 1
-        return self.free(Pose(a.getX(), a.getY(), a.getYaw()), Pose(b.getX(), b.getY(), b.getYaw()))
+        return self.free(self.pose(a.getX(), a.getY(), a.getYaw()), self.pose(b.getX(), b.getY(), b.getYaw()))
 
 
 class Search:
@@ -61,6 +68,7 @@ class Search:
     ) -> None:
         self.connector, self.start, self.goals, self.seed = connector, start, goals, seed
         self.area = _area(environment)
+        self._guides: dict[Pose, Guide] = {}
         self.work = 0
         """Motions checked so far."""
         self.allowance: int | None = None
@@ -72,30 +80,50 @@ class Search:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
         turn = 0
         while not clock() and not self._is_spent(0):
-            name, work = _TURNS[min(turn, len(_TURNS) - 1 - turn % 2)]
-            work *= 2 ** max(0, (turn - len(_TURNS)) // 2)
-            path = self._solve(name, self.seed + turn, work, clock)
+            name, work, guided = _TURNS[min(turn, len(_TURNS) - 1 - (len(_TURNS) - 1 - turn) % 3)]
+            work *= 2 ** max(0, (turn - len(_TURNS)) // 3 + 1) if turn >= len(_TURNS) else 1
+            goal = self.goals[turn % len(self.goals)]
+            route = self._guide(goal).route(self._along(turn)) if guided else None
             turn += 1
+            if guided and route is None:
+                continue
+            path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
             if path is not None:
                 yield name, path
 
-    def _solve(self, name: str, seed: int, work: int, clock: Any) -> Path | None:
+    def _guide(self, goal: Pose) -> Guide:
+        return self._guides.setdefault(goal, Guide(self.connector.world.kernel, self.start, goal))
+
+    def _along(self, turn: int) -> bool:
+        """Whether headings follow the route: those that need not do so by turns."""
+        return self.connector.steers or turn % 2 == 1
+
+    def _solve(
+        self, name: str, seed: int, work: int, clock: Any, route: Route | None, goal: Pose
+    ) -> Path | None:
         # Before anything of OMPL's is built: that is what makes a plan repeatable.
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
-        space = self._space()
+        space = self._space() if route is None else self._beside(route)
+        pose = Pose if route is None else route.pose
         information = ob.SpaceInformation(space)
         world = self.connector.world
-        information.setStateValidityChecker(lambda s: world.is_free(Pose(s.getX(), s.getY(), s.getYaw())))
-        validator = _Validator(information, self.connector)
+        information.setStateValidityChecker(lambda s: world.is_free(pose(s.getX(), s.getY(), s.getYaw())))
+        validator = _Validator(information, self.connector, pose)
         information.setMotionValidator(validator)
         information.setup()
         definition = ob.ProblemDefinition(information)
-        definition.addStartState(_state(information, self.start))
+        start, ends = self.start, self.goals
+        if route is not None:
+            start = Pose(*route.coordinates(self.start, 0.0))
+            ends = [Pose(*route.coordinates(goal, route.length))]
+        definition.addStartState(_state(information, start))
         goals = ob.GoalStates(information)
-        for goal in self.goals:
-            goals.addState(_state(information, goal))
+        for end in ends:
+            goals.addState(_state(information, end))
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
+        if route is not None:
+            planner.setRange(_STRIDE * float(world.kernel[REACH]))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -112,10 +140,10 @@ class Search:
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
         self.tried.append({
-            "planner": name, "seed": seed, "motions_checked": validator.count,
+            "planner": name, "guided": route is not None, "seed": seed, "motions_checked": validator.count,
             "outcome": "solved" if exact else "not solved",
         })  # fmt: skip
-        return self._rebuild(definition.getSolutionPath()) if exact else None
+        return self._rebuild(definition.getSolutionPath(), pose) if exact else None
 
     def _is_spent(self, more: int) -> bool:
         return self.allowance is not None and self.work + more >= self.allowance
@@ -129,24 +157,28 @@ class Search:
                 space = ob.ReedsSheppStateSpace(self.connector.turning_radius)
             case "Dubins":
                 space = ob.DubinsStateSpace(self.connector.turning_radius)
-        bounds = ob.RealVectorBounds(2)
-        for axis, low, high in ((0, x_min, x_max), (1, y_min, y_max)):
-            bounds.setLow(axis, low)
-            bounds.setHigh(axis, high)
-        space.setBounds(bounds)
+        space.setBounds(_bounds((x_min, x_max), (y_min, y_max)))
         return space
 
-    def _rebuild(self, found: Any) -> Path | None:
+    def _beside(self, route: Route) -> Any:
+        """The space of a route's coordinates."""
+        reach = float(self.connector.world.kernel[REACH])
+        space = ob.SE2StateSpace()
+        space.setBounds(_bounds(
+            (-_BEYOND * reach, route.length + _BEYOND * reach), (-_BESIDE * reach, _BESIDE * reach)
+        ))  # fmt: skip
+        return space
+
+    def _rebuild(self, found: Any, pose: Callable[..., Pose]) -> Path | None:
         """The connector's own motions through the states of an OMPL path."""
         pieces: list[Any] = []
-        pose = self.start
+        here = self.start
         for state in list(found.getStates())[1:]:
-            target = Pose(state.getX(), state.getY(), state.getYaw())
-            step = self.connector.connect(pose, target)
+            step = self.connector.connect(here, pose(state.getX(), state.getY(), state.getYaw()))
             if step is None:
                 return None
             pieces += step
-            pose = step[-1].end if step else pose
+            here = step[-1].end if step else here
         return merge(pieces)
 
 
@@ -170,9 +202,19 @@ def _area(environment: Environment) -> tuple[float, float, float, float]:
     )
 
 
+def _bounds(*axes: tuple[float, float]) -> Any:
+    bounds = ob.RealVectorBounds(len(axes))
+    for axis, (low, high) in enumerate(axes):
+        bounds.setLow(axis, low)
+        bounds.setHigh(axis, high)
+    return bounds
+
+
 def _state(information: Any, pose: Pose) -> Any:
     state = information.allocState()
     state.setX(pose.x)
     state.setY(pose.y)
-    state.setYaw(math.remainder(pose.theta, 2 * math.pi))
+    # OMPL's circle is [-π, π): it refuses a state at π, and waits for a better one for ever.
+    yaw = math.remainder(pose.theta, math.tau)
+    state.setYaw(yaw if yaw < math.pi else -math.pi)
     return state
