@@ -26,6 +26,9 @@ __all__ = ["Shape", "Solver", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
+_EXACT = 0.1
+"""Unit of poses: gaps between intervals add up along the way, so they must be smaller than what limits are
+exceeded by."""
 _EFFORT = (1e-3, 2e-2)
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
 settles what would be undetermined; where that is not enough the second is tried."""
@@ -69,6 +72,7 @@ class Shape:
         """What Fatrop's states (state,) and controls are in, so that a change over an interval is about one:
         it solves ill-scaled problems badly."""
         states = np.ones(self.state)
+        states[:3] = _EXACT
         states[3 + self.size : -1] = self.knots
         return states, float(self.knots) ** self.order
 
