@@ -52,6 +52,8 @@ _SHYNESS = 3.0
 """How much dearer a metre is where the disc only just fits than where the footprint may turn."""
 _USED = 4.0
 """How much dearer it is where an earlier route went."""
+_HASTE = 2.0
+"""How much heavier the way still to go weighs than what is behind: fewer nodes are looked at."""
 _CALM = 0.8
 """How strongly headings are drawn to the route's, 0 to 1."""
 
@@ -247,7 +249,7 @@ def _astar(
                     best[k] = cost
                     parent[k] = node
                     ahead = math.hypot(ox + a * spacing - gx, oy + b * spacing - gy)
-                    heapq.heappush(queue, (cost + ahead, k))
+                    heapq.heappush(queue, (cost + _HASTE * ahead, k))
     if last < 0:
         return np.empty((0, 2))
     count = 1

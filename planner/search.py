@@ -29,6 +29,7 @@ __all__ = ["Search"]
 ou.setLogLevel(ou.LOG_NONE)
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
+    ("RRTConnect", 150, False),
     ("RRTConnect", 1_000, True),
     ("RRTConnect", 2_000, True),
     ("RRTConnect", 2_000, False),
@@ -39,7 +40,7 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 three repeat, with more each time."""
-_STRIDE, _BESIDE, _BEYOND = 4.0, 2.0, 2.0
+_STRIDE, _BESIDE, _BEYOND = 12.0, 2.0, 2.0
 """Along a route, in reaches of the footprint: the longest motion, and room for poses beside it and past its
 ends."""
 
