@@ -26,7 +26,7 @@ __all__ = ["Shape", "Solver", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
-_EXACT = 0.1
+_EXACT = 0.03
 """Unit of poses: gaps between intervals add up along the way, so they must be smaller than what limits are
 exceeded by."""
 _EFFORT = (1e-3, 2e-2)
