@@ -11,19 +11,20 @@ import numpy as np
 
 from drives.drive import Limits
 from drives.se2 import Pose
+from planner.bow import bowed
 from planner.connect import Connector, is_path_free
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time
 from planner.optimize import Optimizer
-from planner.path import Path
+from planner.path import LinePiece, Path
 from planner.problem import Problem
 from planner.retime import hastened
 from planner.search import Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
-from planner.trajectory import Phases
+from planner.trajectory import Driven, Phases
 
 __all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
 
@@ -63,14 +64,22 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
         watch.lap("optimize")
         return faster is not None
 
+    def bow(near: Candidate) -> None:
+        driven = [phase for phase in near.timed.phases if isinstance(phase, Driven)]
+        if drive.settled is not drive and len(driven) == 1 and isinstance(driven[0].piece, LinePiece):
+            faster = bowed(driven[0].piece, near.timed, problem, local.world, watch.is_over)
+            if faster is not None:
+                found.append(Candidate(near.planner, faster, optimized=True))
+            watch.lap("optimize")
+
     if effort == "best":
         known: set[float] = set()
         for near in _stopping(problem, local, goals, watch):
             found.append(near)
             # A search often finds the same way again.
             duration = round(near.timed.duration, 6)
-            if duration not in known and not watch.is_over():
-                optimize(near, _BEST_ROUNDS)
+            if duration not in known and not watch.is_over() and not optimize(near, _BEST_ROUNDS):
+                bow(near)
             known.add(duration)
     else:
         found += _stopping(problem, local, goals, watch)

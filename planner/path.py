@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from drives.drive import BodyPath
 from drives.se2 import Array, Pose, Twist, compose, exp
 
-__all__ = ["LinePiece", "Path", "Piece", "TwistPiece", "arc", "merge", "pivot"]
+__all__ = ["Curve", "LinePiece", "Path", "Piece", "TwistPiece", "arc", "merge", "pivot"]
 
 _SAME_TWIST = 1e-12
 
@@ -104,6 +105,20 @@ class LinePiece:
 
 Piece = TwistPiece | LinePiece
 Path = tuple[Piece, ...]
+
+
+class Curve(Protocol):
+    """What is driven without a stop: any curve q(s), s in [0, 1]."""
+
+    @property
+    def start(self) -> Pose:
+        """Where it begins, world frame."""
+
+    def poses(self, s: Array) -> Array:
+        """Poses (n, 3) in the world frame at s (n,)."""
+
+    def body_path(self, s: Array) -> BodyPath:
+        """Tangents in the body frame and their derivatives at s (n,)."""
 
 
 def arc(start: Pose, curvature: float, length: float) -> TwistPiece:

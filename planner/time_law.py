@@ -12,6 +12,7 @@ to where the next piece needs them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import ruckig
@@ -23,7 +24,7 @@ from toppra.interpolator import AbstractGeometricPath
 from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
 from drives.se2 import Array, Pose
 from planner.errors import LimitsInfeasible
-from planner.path import Path, Piece
+from planner.path import Curve
 from planner.retime import excess
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 
@@ -43,7 +44,7 @@ _CONTROLS = 1000
 """How many of them there are at most."""
 
 
-def time_path(path: Path, drive: Drive, limits: Limits, steering: Array | None = None) -> Phases:
+def time_path(path: Sequence[Curve], drive: Drive, limits: Limits, steering: Array | None = None) -> Phases:
     """The fastest motion along a path that stops between its pieces.
 
     steering (k,) rad: where the steered wheels stand at the start; None: as the first motion needs.
@@ -95,7 +96,7 @@ def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits:
         phases.append(Steer(pose, before, after, change / limits.steering_rate))
 
 
-def _grid(piece: Piece, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:
+def _grid(piece: Curve, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:
     """Grid points over [0, 1], close enough to resolve the actuators, and their law there."""
     grid = np.linspace(0.0, 1.0, _GRID_START + 1)
     try:
@@ -111,7 +112,7 @@ def _grid(piece: Piece, drive: Drive, limits: Limits, steering: Array | None) ->
         raise LimitsInfeasible(f"the steering limits do not allow the path: {error}") from error
 
 
-def _driven(piece: Piece, grid: Array, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
+def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
     """The piece from rest to rest: as fast as may be where jerk is unlimited or w is constant."""
     needed = law.steering[0]
     a, b, x_max = _rows(piece.body_path(grid), law, limits)
@@ -150,7 +151,7 @@ def _halved(knots: Array) -> Array:
 
 
 def _slowed(
-    profile: Profile, piece: Piece, grid: Array, drive: Drive, limits: Limits, steering: Array
+    profile: Profile, piece: Curve, grid: Array, drive: Drive, limits: Limits, steering: Array
 ) -> Profile:
     """The profile, slowed as a whole by what it exceeds a limit between the points that it was made for."""
     if len(profile.position) <= _PHASES:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drives.drive import BodyPath, Drive
 from drives.se2 import Array, Pose
-from planner.path import Piece
+from planner.path import Curve
 from planner.schedule import WheelSchedule
 
 __all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer", "Warped"]
@@ -124,7 +124,7 @@ class Driven:
     begins; grid (n,): points of [0, 1] close enough together to resolve the actuators; fastest: whether no
     profile within the limits is known to be faster."""
 
-    piece: Piece
+    piece: Curve
     profile: Profile
     grid: Array
     steering: Array
