@@ -32,7 +32,7 @@ MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, 3
-_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
+_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
