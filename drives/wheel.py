@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 
-__all__ = ["Module", "SwedishWheel", "rolling_row", "sliding_row", "solve_twist", "velocity_at"]
+__all__ = ["Module", "SwedishWheel", "rolling_row", "solve_twist", "velocity_at", "wheel_rows"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +57,19 @@ def rolling_row(x: Array | float, y: Array | float, heading: Array | float) -> A
     return np.stack(np.broadcast_arrays(c, s, x * s - y * c), axis=-1)
 
 
-def sliding_row(x: Array | float, y: Array | float, heading: Array | float, trail: float = 0.0) -> Array:
-    """Rows (..., 3) that take a twist to the velocity, m/s, of the contact to the left of `heading`.
+def wheel_rows(x: Array, y: Array, heading: Array, trail: float = 0.0) -> Array:
+    """Of m wheels at `heading` (n, m), (n, 2m, 3): the rolling rows, then the sliding rows.
 
-    The contact lies `trail` (m) behind (x, y); the wheel's own turning is left out. Arguments broadcast.
+    A sliding row takes a twist to the velocity, m/s, of the contact to the left of `heading`. The contact
+    lies `trail` (m) behind (x, y); the wheel's own turning is left out.
     """
     c, s = np.cos(heading), np.sin(heading)
-    return np.stack(np.broadcast_arrays(-s, c, x * c + y * s - trail), axis=-1)
+    n, m = heading.shape
+    rows = np.empty((3, n, 2 * m))  # so that numpy meets long runs
+    rows[0, :, :m], rows[0, :, m:] = c, -s
+    rows[1, :, :m], rows[1, :, m:] = s, c
+    rows[2, :, :m], rows[2, :, m:] = x * s - y * c, x * c + y * s - trail
+    return np.moveaxis(rows, 0, -1)
 
 
 def velocity_at(x: Array, y: Array, twists: Array) -> Array:

@@ -5,15 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drives.wheel import rolling_row, sliding_row, solve_twist
+from drives.wheel import rolling_row, solve_twist, wheel_rows
 
 RNG = np.random.default_rng(4)
 
 
 def steered(n: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Rows (n, 2m, 3) of m wheels at any angles."""
-    angle = RNG.uniform(-4, 4, (n, len(x)))
-    return np.concatenate([rolling_row(x, y, angle), sliding_row(x, y, angle)], axis=1)
+    return wheel_rows(x, y, RNG.uniform(-4, 4, (n, len(x))))
+
+
+def test_rows_of_all_wheels_are_those_of_each() -> None:
+    x, y = RNG.normal(size=(2, 4))
+    angle = RNG.uniform(-4, 4, (20, 4))
+    rows = wheel_rows(x, y, angle, 0.03)
+    np.testing.assert_array_equal(rows[:, :4], rolling_row(x, y, angle))
+    left = rolling_row(x, y, angle + np.pi / 2) - [0.0, 0.0, 0.03]
+    np.testing.assert_allclose(rows[:, 4:], left, atol=1e-14)
 
 
 def expected(rows: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
