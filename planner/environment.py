@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from planner.collision import (
     pose_free,
 )
 from planner.errors import InvalidGeometry
-from planner.polygon import check_simple_polygon, footprint_polygon, inner_disc, outline
+from planner.polygon import check_simple_polygon, footprint_polygon, inner_disc, outline, outlines
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, MapLayer, Polygon
 from planner.separation import Separation, separate
 from planner.sweep import linear_free, polyline_free, twist_free
@@ -76,8 +77,7 @@ class CollisionWorld:
         if not 0 <= footprint.radius < math.inf:
             raise InvalidGeometry("the radius is negative or not finite", "/robot/footprint")
         ground = _ground(environment)
-        sides = [_sides(obstacle, ground, i) for i, obstacle in enumerate(environment.obstacles)]
-        solids = plant(np.concatenate(sides)) if sides else np.empty(0)
+        solids = plant(_solids(environment.obstacles, ground))
         fences, walls = _fences(environment.bounds, ground)
         heading = math.nan if fixed_heading is None else float(fixed_heading) - ground.pose.theta
         body = _body(footprint, heading, float(min_clearance))
@@ -224,17 +224,28 @@ def _local(points: Array, pose: Pose) -> Array:
     return local
 
 
-def _sides(obstacle: Polygon | Circle, ground: _Ground, index: int) -> Array:
-    """An obstacle's boundary (n, 5) in the own frame, counter-clockwise."""
-    at = f"/environment/obstacles/{index}"
-    if isinstance(obstacle, Polygon):
-        wrong = check_simple_polygon(obstacle.vertices)
-        if wrong is not None:
-            raise InvalidGeometry(wrong, at)
-        return outline(_local(footprint_polygon(obstacle.vertices), ground.pose))
-    if not (math.isfinite(obstacle.x + obstacle.y) and 0 < obstacle.radius < math.inf):
-        raise InvalidGeometry("the radius is not positive or a number is not finite", at)
-    return outline(_local(np.array([[obstacle.x, obstacle.y]]), ground.pose), obstacle.radius)
+def _solids(obstacles: Sequence[Polygon | Circle], ground: _Ground) -> Array:
+    """The boundaries (n, 5) of obstacles in the own frame, counter-clockwise, those of polygons first."""
+    where = {kind: [i for i, o in enumerate(obstacles) if isinstance(o, kind)] for kind in (Polygon, Circle)}
+    discs = np.array([(o.x, o.y, o.radius) for o in obstacles if isinstance(o, Circle)]).reshape(-1, 3)
+    sound = np.isfinite(discs).all(1) & (discs[:, 2] > 0)
+    faults = [where[Circle][k] for k in np.flatnonzero(~sound)[:1].tolist()]
+    corners, ends = np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
+    if where[Polygon]:
+        corners, ends, odd = outlines([o.vertices for o in obstacles if isinstance(o, Polygon)])
+        faults += where[Polygon][odd : odd + 1] if odd >= 0 else []
+    if faults:
+        first = obstacles[min(faults)]
+        wrong = check_simple_polygon(first.vertices) if isinstance(first, Polygon) else None
+        raise InvalidGeometry(
+            wrong or "the radius is not positive or a number is not finite",
+            f"/environment/obstacles/{min(faults)}",
+        )
+    a, b = _local(corners, ground.pose)[ends.T]
+    middles = _local(discs[:, :2], ground.pose)
+    return np.concatenate([
+        np.column_stack([a, b, np.zeros(len(ends))]), np.column_stack([middles, middles, discs[:, 2]])
+    ])  # fmt: skip
 
 
 def _fences(bounds: Bounds | None, ground: _Ground) -> tuple[Array, Array]:
