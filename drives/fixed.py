@@ -61,8 +61,10 @@ class FixedWheels(Drive):
         if not self.sideways:
             values = np.hstack([values, np.zeros((len(values), 1))])
         twist = values @ pseudo.T
+        unmet = twist @ rows.T
+        unmet -= values
         # Column by column: numpy is slow at short rows.
-        return twist, reduce(np.maximum, np.abs(twist @ rows.T - values).T)
+        return twist, reduce(np.maximum, np.abs(unmet, out=unmet).T)
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf

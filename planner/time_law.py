@@ -29,7 +29,8 @@ from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 
 __all__ = ["cruising_speed", "duration_estimate", "time_path"]
 
-_GRID_START, _GRID_MAX = 96, 3000
+_GRID_START, _GRID_SWINGING, _GRID_MAX = 48, 96, 3000
+"""Intervals to begin with, those where wheels trail, and points at most."""
 _TINY, _RELATIVE, _TRIES = 1e-8, 1e-4, 10
 """By how much ṡ² is kept below what TOPPRA finds controllable, the smaller of absolute and relative, and how
 often it is lowered by ten times that where rounding has made a step infeasible."""
@@ -100,9 +101,11 @@ def _grid(piece: Piece, drive: Drive, limits: Limits, steering: Array | None) ->
     """Grid points over [0, 1], close enough to resolve the actuators, and their law there: its ends, where
     w is constant and steering linear in s."""
     grid = np.array([0.0, 1.0])
-    # Trailing wheels swing all along, whatever the tangent does.
-    if drive.settled is not drive or piece.body_path(grid).tangent_derivative.any():
-        grid = np.linspace(0.0, 1.0, _GRID_START + 1)
+    if drive.settled is not drive:  # Trailing wheels swing all along, whatever the tangent does.
+        grid = np.linspace(0.0, 1.0, _GRID_SWINGING + 1)
+    elif piece.body_path(grid).tangent_derivative.any():
+        # Closer together towards the ends, where s gains little in much time.
+        grid = (1 - np.cos(np.linspace(0.0, math.pi, _GRID_START + 1))) / 2
     try:
         while True:
             law = drive.actuators(piece.body_path(grid), steering, limits.steering_angle)
