@@ -24,6 +24,7 @@ from api.errors import FieldErrors, Refusal
 from api.fields import LARGEST_COORDINATE, LARGEST_LENGTH
 from api.validation import validated
 from drives.se2 import Pose
+from planner.environment import prepare_map
 from planner.problem import MapLayer
 
 __all__ = ["DecodedMap", "MapStore", "decode_map", "read_map"]
@@ -170,7 +171,8 @@ def _read_image(data: bytes, max_cells: int) -> tuple[NDArray[np.uint8], NDArray
 
 
 class MapStore:
-    """Maps by id, in root/<id>/cells.npy and meta.json. A map appears and vanishes by one rename."""
+    """Maps by id, in root/<id>/: cells.npy, meta.json and what the planner prepares. A map appears and
+    vanishes by one rename."""
 
     def __init__(self, root: Path, max_maps: int) -> None:
         self.root = root
@@ -194,6 +196,7 @@ class MapStore:
             with open(made / "meta.json", "wb") as file:
                 file.write(orjson.dumps(summary))
                 _sync(file.fileno())
+            prepare_map(MapLayer(summary["id"], made, decoded.resolution, decoded.origin))
             made.chmod(0o755)
             made.rename(place)
         except OSError:

@@ -26,7 +26,7 @@ from drives.drive import (
 )
 from drives.se2 import Array, Twist
 from drives.steering import aim, steer
-from drives.wheel import rolling_row, sliding_row, solve_twist, velocity_at
+from drives.wheel import solve_twist, velocity_at, wheel_rows
 
 __all__ = ["CarLike"]
 
@@ -88,8 +88,9 @@ class CarLike(Drive):
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
         x, y = self._points()
         delta = np.hstack([steering, np.zeros((len(steering), 2))])
-        rows = np.concatenate([rolling_row(x, y, delta), sliding_row(x, y, delta)], axis=1)
-        return solve_twist(rows, np.hstack([rates * self.wheel_radius, np.zeros_like(delta)]))
+        return solve_twist(
+            wheel_rows(x, y, delta), np.hstack([rates * self.wheel_radius, np.zeros_like(delta)])
+        )
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf

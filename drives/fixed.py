@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import ClassVar
 
 import numpy as np
@@ -61,7 +61,10 @@ class FixedWheels(Drive):
         if not self.sideways:
             values = np.hstack([values, np.zeros((len(values), 1))])
         twist = values @ pseudo.T
-        return twist, np.abs(twist @ rows.T - values).max(axis=1)
+        unmet = twist @ rows.T
+        unmet -= values
+        # Column by column: numpy is slow at short rows.
+        return twist, reduce(np.maximum, np.abs(unmet, out=unmet).T)
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf

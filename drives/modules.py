@@ -9,7 +9,7 @@ import numpy as np
 from drives.checks import SHORTEST, count, distinct, lengths, number
 from drives.drive import Drive, Holonomic, InvalidDrive, Limits, Mobility, Rolling
 from drives.se2 import Array
-from drives.wheel import Module, rolling_row, sliding_row, solve_twist
+from drives.wheel import Module, solve_twist, wheel_rows
 
 __all__ = ["SteeredModules"]
 
@@ -55,8 +55,8 @@ class SteeredModules(Drive):
 
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
         x, y = self._axes
-        rows = np.concatenate([rolling_row(x, y, steering), sliding_row(x, y, steering, self.trail)], axis=1)
-        return solve_twist(rows, np.hstack([rates * self.wheel_radius, steering_rates * self.trail]))
+        values = np.hstack([rates * self.wheel_radius, steering_rates * self.trail])
+        return solve_twist(wheel_rows(x, y, steering, self.trail), values)
 
     @cached_property
     def _axes(self) -> tuple[Array, Array]:

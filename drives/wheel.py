@@ -14,13 +14,16 @@ eq. (3.19).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from drives.se2 import Array
 
-__all__ = ["Module", "SwedishWheel", "rolling_row", "sliding_row", "solve_twist", "velocity_at"]
+__all__ = ["Module", "SwedishWheel", "rolling_row", "solve_twist", "velocity_at", "wheel_rows"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +57,19 @@ def rolling_row(x: Array | float, y: Array | float, heading: Array | float) -> A
     return np.stack(np.broadcast_arrays(c, s, x * s - y * c), axis=-1)
 
 
-def sliding_row(x: Array | float, y: Array | float, heading: Array | float, trail: float = 0.0) -> Array:
-    """Rows (..., 3) that take a twist to the velocity, m/s, of the contact to the left of `heading`.
+def wheel_rows(x: Array, y: Array, heading: Array, trail: float = 0.0) -> Array:
+    """Of m wheels at `heading` (n, m), (n, 2m, 3): the rolling rows, then the sliding rows.
 
-    The contact lies `trail` (m) behind (x, y); the wheel's own turning is left out. Arguments broadcast.
+    A sliding row takes a twist to the velocity, m/s, of the contact to the left of `heading`. The contact
+    lies `trail` (m) behind (x, y); the wheel's own turning is left out.
     """
     c, s = np.cos(heading), np.sin(heading)
-    return np.stack(np.broadcast_arrays(-s, c, x * c + y * s - trail), axis=-1)
+    n, m = heading.shape
+    rows = np.empty((3, n, 2 * m))  # so that numpy meets long runs
+    rows[0, :, :m], rows[0, :, m:] = c, -s
+    rows[1, :, :m], rows[1, :, m:] = s, c
+    rows[2, :, :m], rows[2, :, m:] = x * s - y * c, x * c + y * s - trail
+    return np.moveaxis(rows, 0, -1)
 
 
 def velocity_at(x: Array, y: Array, twists: Array) -> Array:
@@ -77,12 +86,61 @@ def solve_twist(rows: Array, values: Array) -> tuple[Array, Array]:
     # A length of the robot's own size makes vx, vy and omega comparable, so the normal equations stay well
     # conditioned.
     length = float(np.sqrt(np.mean(rows[..., 2] ** 2))) or 1.0
-    scaled = rows / (1.0, 1.0, length)
-    transposed = scaled.transpose(0, 2, 1)
-    pseudo = np.linalg.pinv(transposed @ scaled, rcond=1e-14, hermitian=True) @ transposed
+    twist, slip, left = _solve(rows, values, length)
+    if left.any():
+        twist[left], slip[left] = _solve_by_pinv(rows[left] / (1.0, 1.0, length), values[left])
+        twist[left] /= (1.0, 1.0, length)
+    return twist, slip
+
+
+_SINGULAR = 1e-9
+"""det ≤ this · trace³ of the normal equations' matrix: a pseudo-inverse is taken. Else the rows' condition
+number is below 12,200, as det / trace³ ≤ 4/27 · (smallest / largest eigenvalue)."""
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(rows: Array, values: Array, length: float) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Twists (n, 3), slip (n,), and which of them (n,) are left open: their rows are next to singular."""
+    n, e, _ = rows.shape
+    twist, slip, left = np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.bool_)
+    for i in range(n):
+        xx = xy = xz = yy = yz = zz = 0.0
+        for k in range(e):
+            x, y, z = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] / length
+            xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
+            yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+        # The inverse by cofactors.
+        a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        d, f, g = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+        det = xx * a + xy * b + xz * c
+        if not det > _SINGULAR * (xx + yy + zz) ** 3:
+            left[i] = True
+            continue
+        vx = vy = omega = 0.0
+        # One step of refinement: the normal equations square the condition number, this undoes it.
+        for _ in range(2):
+            p = q = r = 0.0
+            for k in range(e):
+                x, y, z = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] / length
+                rest = values[i, k] - (x * vx + y * vy + z * omega)
+                p, q, r = p + x * rest, q + y * rest, r + z * rest
+            vx += (a * p + b * q + c * r) / det
+            vy += (b * p + d * q + f * r) / det
+            omega += (c * p + f * q + g * r) / det
+        for k in range(e):
+            x, y, z = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] / length
+            unmet = abs(x * vx + y * vy + z * omega - values[i, k])
+            if unmet > slip[i] or math.isnan(unmet):
+                slip[i] = unmet
+        twist[i, 0], twist[i, 1], twist[i, 2] = vx, vy, omega / length
+    return twist, slip, left
+
+
+def _solve_by_pinv(rows: Array, values: Array) -> tuple[Array, Array]:
+    """Twists (n, 3) and slip (n,) by the pseudo-inverse: of any rank, and slow."""
+    transposed = rows.transpose(0, 2, 1)
+    pseudo = np.linalg.pinv(transposed @ rows, rcond=1e-14, hermitian=True) @ transposed
     twist = (pseudo @ values[..., None])[..., 0]
-    # One step of refinement: the normal equations square the condition number, this undoes it.
-    rest = values - (scaled @ twist[..., None])[..., 0]
+    rest = values - (rows @ twist[..., None])[..., 0]
     twist = twist + (pseudo @ rest[..., None])[..., 0]
-    slip = np.abs((scaled @ twist[..., None])[..., 0] - values).max(axis=1, initial=0.0)
-    return twist / (1.0, 1.0, length), slip
+    return twist, np.abs((rows @ twist[..., None])[..., 0] - values).max(axis=1, initial=0.0)

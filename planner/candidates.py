@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 
 from drives.drive import Limits
 from drives.se2 import Pose
 from planner.bow import bowed
-from planner.connect import Connector, is_path_free
+from planner.connect import Connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time
@@ -119,10 +119,11 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
     count = 0
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
-    if not direct:
+    found = list(islice(direct, 1))
+    if not found:
         _refuse_if_separated(problem, local.world)
-    ways: Iterator[tuple[str, Path]] = (("direct", path) for path in direct)
-    if not direct or options.effort == "best":
+    ways: Iterator[tuple[str, Path]] = (("direct", path) for path in chain(found, direct))
+    if not found or options.effort == "best":
         ways = chain(ways, search.paths(watch.is_over))
     for planner, path in ways:
         watch.lap("search")
@@ -148,22 +149,21 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
         )
 
 
-def _direct(start: Pose, local: Connector, goals: list[Pose]) -> list[Path]:
-    """The quickest free ways, by estimate, that need no search."""
+def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:
+    """The quickest free ways, by estimate, that need no search: a few, each checked when asked for."""
+    tried = local.direct(np.repeat([start], len(goals), 0), np.array(goals))
     ways = [
         (float(time), motions, pair, way)
-        for motions in local.direct(np.repeat([start], len(goals), 0), np.array(goals))
+        for motions in tried
         for (pair, way), time in np.ndenumerate(motions.times)
         if time < np.inf
     ]
-    best: list[Path] = []
-    for _, motions, pair, way in sorted(ways, key=lambda w: w[0]):
-        path = motions.path(pair, way)
-        if is_path_free(local.world, path):
-            best.append(path)
-            if len(best) == _DIRECT_CANDIDATES:
-                break
-    return best
+    free = (
+        motions.path(pair, way)
+        for _, motions, pair, way in sorted(ways, key=lambda w: w[0])
+        if motions.free(slice(pair, pair + 1), slice(way, way + 1))[0, 0]
+    )
+    return islice(free, _DIRECT_CANDIDATES)
 
 
 def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:

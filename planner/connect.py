@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
@@ -43,6 +43,8 @@ meanwhile, roughly."""
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
+_ALL = slice(None)
+
 _NOTHING = 1e-9
 """Ways (m) and turns (rad) below this are rounding, not motion."""
 
@@ -59,12 +61,12 @@ def is_path_free(world: CollisionWorld, path: Path) -> bool:
 
 class Motions(NamedTuple):
     """Several ways to join each of n pairs of poses: times (n, ways) s, estimated, inf where there is no such
-    way; heads (n, ways, 2), whether they begin and end forwards (> 0), backwards (< 0) or neither; free() (n,
-    ways), whether they are; path(pair, way), the motion itself."""
+    way; heads (n, ways, 2), whether they begin and end forwards (> 0), backwards (< 0) or neither;
+    free(pairs, ways), whether those of two slices (default: all) are; path(pair, way), the motion itself."""
 
     times: Array
     heads: Array
-    free: Callable[[], NDArray[np.bool_]]
+    free: Callable[..., NDArray[np.bool_]]
     path: Callable[[int, int], Path]
 
 
@@ -158,9 +160,9 @@ class LineConnector(Connector):
         dx, dy = step[:, :1], step[:, 1:2]
         tangents = np.stack([c * dx + d * dy, c * dy - d * dx, np.broadcast_to(step[:, 2:], c.shape)], -1)
 
-        def free() -> NDArray[np.bool_]:
-            every: NDArray[np.bool_] = lines_free(self.world.kernel, a, step)[:, None]
-            return every
+        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
+            found: NDArray[np.bool_] = lines_free(self.world.kernel, a[pairs], step[pairs])[:, None]
+            return found
 
         def path(pair: int, _: int) -> Path:
             return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
@@ -202,9 +204,14 @@ class LineConnector(Connector):
         for key, path in paths.items():
             times[key] = self.duration(path)
 
-        def free() -> NDArray[np.bool_]:
-            ways = [key in paths and is_path_free(self.world, paths[key]) for key in np.ndindex(shape)]
-            return np.array(ways).reshape(shape)
+        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
+            asked = np.zeros(shape, dtype=np.bool_)
+            asked[pairs, ways] = True
+            found = [
+                asked[key] and key in paths and is_path_free(self.world, paths[key])
+                for key in np.ndindex(shape)
+            ]
+            return np.array(found, dtype=np.bool_).reshape(shape)[pairs, ways]
 
         return Motions(times, np.zeros((*shape, 2)), free, lambda pair, way: paths[pair, way])
 
@@ -239,11 +246,13 @@ class PivotConnector(Connector):
             + _rest_to_rest(np.abs(last), spin, swing)
         )  # fmt: skip
 
-        def free() -> NDArray[np.bool_]:
-            every: NDArray[np.bool_] = pivots_free(
-                self.world.kernel, a, first, np.outer(distance, sign), last
+        ahead = np.outer(distance, sign)
+
+        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
+            found: NDArray[np.bool_] = pivots_free(
+                self.world.kernel, a[pairs], *(part[pairs, ways] for part in (first, ahead, last))
             )
-            return every
+            return found
 
         def path(pair: int, way: int) -> Path:
             begin, end = Pose(*a[pair].tolist()), b[pair].tolist()
@@ -274,23 +283,34 @@ class CurveConnector(Connector):
 
     @cached_property
     def _limits(self) -> tuple[Array, Array]:
-        (straight, left, right), (push, push_left, push_right) = self._constant(
-            *((1.0, 0.0, k / self.turning_radius) for k in (0, 1, -1))
+        """Largest speeds and accelerations (len(_SCALES), 2) on straights and on curves of each radius."""
+        radii = self.turning_radius * np.array(_SCALES)
+        curves = [(1.0, 0.0, sign / radius) for radius in radii.tolist() for sign in (1, -1)]
+        speed, push = (
+            np.column_stack([np.full(len(radii), each[0]), each[1:].reshape(-1, 2).min(1)])
+            for each in self._constant((1.0, 0.0, 0.0), *curves)
         )
-        return np.array([straight, min(left, right)]), np.array([push, min(push_left, push_right)])
+        return speed, push
 
     def motions(self, a: Array, b: Array) -> Motions:
-        steering = abs(self._steering_angle(1 / self.turning_radius)) * self._steering_slowness
+        return self._words(a, b, 0, self.ways)
+
+    def _words(self, a: Array, b: Array, k: int, ways: int) -> Motions:
+        """The quickest words of _SCALES[k] times the turning radius."""
+        radius, (speed, push) = _SCALES[k] * self.turning_radius, self._limits
+        steering = abs(self._steering_angle(1 / radius)) * self._steering_slowness
         times, curvature, length = quickest_words(
-            a, b, self.turning_radius, self.reverse, *self._limits, steering, self.reversal, self.ways
+            a, b, radius, self.reverse, speed[k], push[k], steering, self.reversal, ways
         )
         first = np.argmax(length != 0, -1)
         last = length.shape[-1] - 1 - np.argmax(length[..., ::-1] != 0, -1)
         heads = np.sign(np.take_along_axis(length, np.stack([first, last], -1), -1))
 
-        def free() -> NDArray[np.bool_]:
-            every: NDArray[np.bool_] = words_free(self.world.kernel, a, curvature, length)
-            return every
+        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
+            found: NDArray[np.bool_] = words_free(
+                self.world.kernel, a[pairs], curvature[pairs, ways], length[pairs, ways]
+            )
+            return found
 
         def path(pair: int, way: int) -> Path:
             pieces: list[Piece] = []
@@ -303,10 +323,7 @@ class CurveConnector(Connector):
         return Motions(times, heads, free, path)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [
-            replace(self, turning_radius=scale * self.turning_radius, ways=_DIRECT_WAYS).motions(a, b)
-            for scale in (1.0, 1.5, 2.5, 4.0)
-        ]
+        return [self._words(a, b, k, _DIRECT_WAYS) for k in range(len(_SCALES))]
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
@@ -330,7 +347,9 @@ class CurveConnector(Connector):
         return math.fsum(abs(b - a) for a, b in pairwise(angles)) * self._steering_slowness
 
 
-_DIRECT_WAYS = 16
+_DIRECT_WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
+"""Words tried before any search: how many of each turning radius, and of which, in units of the
+connector's."""
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:

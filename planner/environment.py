@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -22,7 +23,8 @@ from planner.collision import (
     pose_free,
 )
 from planner.errors import InvalidGeometry
-from planner.polygon import check_simple_polygon, footprint_polygon, inner_disc, outline
+from planner.kept import keep, recall
+from planner.polygon import check_simple_polygon, footprint_polygon, inner_disc, outline, outlines
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, MapLayer, Polygon
 from planner.separation import Separation, separate
 from planner.sweep import linear_free, polyline_free, twist_free
@@ -39,6 +41,7 @@ __all__ = [
     "pose_clearance",
     "pose_clearance_at_least",
     "pose_free",
+    "prepare_map",
     "twist_free",
     "warm_up",
 ]
@@ -76,8 +79,7 @@ class CollisionWorld:
         if not 0 <= footprint.radius < math.inf:
             raise InvalidGeometry("the radius is negative or not finite", "/robot/footprint")
         ground = _ground(environment)
-        sides = [_sides(obstacle, ground, i) for i, obstacle in enumerate(environment.obstacles)]
-        solids = plant(np.concatenate(sides)) if sides else np.empty(0)
+        solids = plant(_solids(environment.obstacles, ground))
         fences, walls = _fences(environment.bounds, ground)
         heading = math.nan if fixed_heading is None else float(fixed_heading) - ground.pose.theta
         body = _body(footprint, heading, float(min_clearance))
@@ -177,18 +179,36 @@ def _ground(environment: Environment) -> _Ground:
 def _map_ground(layer: MapLayer) -> _Ground:
     """A map's, in the map's frame. Not to be written to."""
     cells = np.load(layer.directory / "cells.npy", mmap_mode="r")
-    closed = np.ascontiguousarray(cells != 0 if layer.unknown == "occupied" else cells == 1)
-    height, width = closed.shape
+    height, width = cells.shape
     resolution = float(layer.resolution)
-    coarse = max(1, math.ceil(math.sqrt(closed.size / _MAP_FIELD_CELLS)))
-    field = np.full((-(-height // coarse), -(-width // coarse)), np.inf)
+    coarse = max(1, math.ceil(math.sqrt(cells.size / _MAP_FIELD_CELLS)))
+    shape = -(-height // coarse), -(-width // coarse)
     right, top = width * resolution, height * resolution
     walls = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, -right], [0.0, 1.0, 0.0], [0.0, -1.0, -top]])
-    ground = _Ground(layer.origin, walls, plant(_outlines(closed, resolution)), field, coarse * resolution)
+    kept = recall(layer, cells.shape, shape)
+    if kept is not None:
+        return _Ground(layer.origin, walls, *kept, coarse * resolution)
+    closed = np.ascontiguousarray(cells != 0 if layer.unknown == "occupied" else cells == 1)
+    tree, field = plant(_outlines(closed, resolution)), np.full(shape, np.inf)
+    ground = _Ground(layer.origin, walls, tree, field, coarse * resolution)
     point = _body(Footprint(np.zeros((1, 2)), 1.0), math.nan, 0.0)
-    world, start = _laid_out(ground, point, walls, ground.tree, np.empty(0))
+    world, start = _laid_out(ground, point, walls, tree, np.empty(0))
     fill_field(world)
-    return ground._replace(field=world[start:].reshape(field.shape).copy())
+    return ground._replace(field=world[start:].reshape(shape).copy())
+
+
+def prepare_map(layer: MapLayer) -> None:
+    """Keep beside a map's cells what planning on it needs first, for both readings of its unknown cells.
+
+    Whoever plans then maps it into memory; without it, each process computes it. Raises OSError.
+    """
+    cells = np.load(layer.directory / "cells.npy", mmap_mode="r")
+    readings = [replace(layer, unknown=unknown) for unknown in ("occupied", "free")]
+    ground = _map_ground.__wrapped__(readings[0])
+    for reading in readings:
+        if reading is readings[1] and (cells == 2).any():
+            ground = _map_ground.__wrapped__(reading)
+        keep(reading, cells.shape, ground.tree, ground.field)
 
 
 def _outlines(closed: NDArray[np.bool_], resolution: float) -> Array:
@@ -202,8 +222,9 @@ def _outlines(closed: NDArray[np.bool_], resolution: float) -> Array:
         found: list[tuple[NDArray[np.intp], ...]] = []
         for sign in (1, -1):
             steps = np.diff(np.pad((change == sign).view(np.int8), ((0, 0), (1, 1))), axis=1)
-            line, begin = np.nonzero(steps == 1)
-            found.append((line, begin, np.nonzero(steps == -1)[1]))
+            # of a flat array: of two dimensions, numpy takes ten times as long
+            line, begin = np.divmod(np.flatnonzero(steps == 1), steps.shape[1])
+            found.append((line, begin, np.flatnonzero(steps == -1) % steps.shape[1]))
         return found
 
     (y, x0, x1), (v, u0, u1) = runs(np.diff(grid, axis=0))  # closed above, then closed below
@@ -224,17 +245,28 @@ def _local(points: Array, pose: Pose) -> Array:
     return local
 
 
-def _sides(obstacle: Polygon | Circle, ground: _Ground, index: int) -> Array:
-    """An obstacle's boundary (n, 5) in the own frame, counter-clockwise."""
-    at = f"/environment/obstacles/{index}"
-    if isinstance(obstacle, Polygon):
-        wrong = check_simple_polygon(obstacle.vertices)
-        if wrong is not None:
-            raise InvalidGeometry(wrong, at)
-        return outline(_local(footprint_polygon(obstacle.vertices), ground.pose))
-    if not (math.isfinite(obstacle.x + obstacle.y) and 0 < obstacle.radius < math.inf):
-        raise InvalidGeometry("the radius is not positive or a number is not finite", at)
-    return outline(_local(np.array([[obstacle.x, obstacle.y]]), ground.pose), obstacle.radius)
+def _solids(obstacles: Sequence[Polygon | Circle], ground: _Ground) -> Array:
+    """The boundaries (n, 5) of obstacles in the own frame, counter-clockwise, those of polygons first."""
+    where = {kind: [i for i, o in enumerate(obstacles) if isinstance(o, kind)] for kind in (Polygon, Circle)}
+    discs = np.array([(o.x, o.y, o.radius) for o in obstacles if isinstance(o, Circle)]).reshape(-1, 3)
+    sound = np.isfinite(discs).all(1) & (discs[:, 2] > 0)
+    faults = [where[Circle][k] for k in np.flatnonzero(~sound)[:1].tolist()]
+    corners, ends = np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
+    if where[Polygon]:
+        corners, ends, odd = outlines([o.vertices for o in obstacles if isinstance(o, Polygon)])
+        faults += where[Polygon][odd : odd + 1] if odd >= 0 else []
+    if faults:
+        first = obstacles[min(faults)]
+        wrong = check_simple_polygon(first.vertices) if isinstance(first, Polygon) else None
+        raise InvalidGeometry(
+            wrong or "the radius is not positive or a number is not finite",
+            f"/environment/obstacles/{min(faults)}",
+        )
+    a, b = _local(corners, ground.pose)[ends.T]
+    middles = _local(discs[:, :2], ground.pose)
+    return np.concatenate([
+        np.column_stack([a, b, np.zeros(len(ends))]), np.column_stack([middles, middles, discs[:, 2]])
+    ])  # fmt: skip
 
 
 def _fences(bounds: Bounds | None, ground: _Ground) -> tuple[Array, Array]:

@@ -3,45 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
-from planner.tree import HEAD, SIZE, kernel, nearest, places, plant, winding
+from planner.tree import HEAD, SIZE, build_tree, kernel, nearest, places, winding
 
-__all__ = ["check_simple_polygon", "footprint_polygon", "inner_disc", "outline"]
-
-
-def _shifted(points: Array) -> Array:
-    """Each vertex's successor; numpy.roll takes five times as long for a handful of them."""
-    return np.concatenate([points[1:], points[:1]])
-
-
-def _distinct(vertices: Array) -> Array:
-    """Vertices (n, 2) without those that repeat the one after them, the last preceding the first."""
-    points = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 2)
-    if len(points) < 2:
-        return points
-    keep: NDArray[np.bool_] = (points != _shifted(points)).any(axis=1)
-    return points if keep.all() else points[keep]
-
-
-def _twice_area(points: Array) -> float:
-    x, y = (points - points[0]).T
-    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1])  # what the last side adds is nought, the first being (0, 0)
+__all__ = ["check_simple_polygon", "footprint_polygon", "inner_disc", "outline", "outlines"]
 
 
 def footprint_polygon(vertices: Array) -> Array:
     """The same polygon (n, 2) counter-clockwise, without vertices that repeat their neighbour."""
-    points = _distinct(vertices)
-    return points[::-1].copy() if len(points) > 2 and _twice_area(points) < 0 else points
+    return _cleaned(_plain(vertices))
 
 
 def outline(vertices: Array, radius: float = 0.0) -> Array:
     """The sides (n, 5) of a polygon (n, 2), for a tree: x0, y0, x1, y1, radius, m."""
     sides = np.empty((len(vertices), SIZE))
-    sides[:, :2], sides[:, 2:4], sides[:, 4] = vertices, _shifted(vertices), radius
+    # numpy.roll takes five times as long for a handful of them
+    sides[:, :2], sides[:-1, 2:4], sides[-1:, 2:4], sides[:, 4] = vertices, vertices[1:], vertices[:1], radius
     return sides
 
 
@@ -51,22 +33,106 @@ def check_simple_polygon(vertices: Array) -> str | None:
     Either winding; vertices that repeat the one before, and a last that repeats the first, are tolerated.
     Sides that touch count as crossing. O(n log n) for outlines whose sides are short beside the whole.
     """
+    fault, side, x, y = _fault(_plain(vertices))
+    if fault == _CROSSING:
+        (ax, ay), (bx, by) = side, (x, y)
+        return f"the sides that begin at ({ax:g}, {ay:g}) and ({bx:g}, {by:g}) cross or touch"
+    return _FAULTS.get(fault)
+
+
+def outlines(polygons: Sequence[Array]) -> tuple[Array, NDArray[np.int64], int]:
+    """All vertices (n, 2) of polygons; between which two of them each side runs, (m, 2), counter-clockwise;
+    and the first polygon that is not simple, or -1."""
+    vertices = _plain(np.concatenate(polygons))
+    return vertices, *_outlines(vertices, np.cumsum([0, *map(len, polygons)]))
+
+
+def _plain(points: Array) -> Array:
+    return np.array(points, dtype=np.float64, order="C").reshape(-1, 2)
+
+
+_CROSSING = 4
+_FAULTS = {
+    1: "a vertex is not finite",
+    2: "fewer than three distinct vertices",
+    3: "it is larger than 1e9 m",
+    5: "it has no area",
+}
+
+
+@kernel
+def _distinct(points: Array) -> NDArray[np.int64]:
+    """Which vertices (n, 2) do not repeat the one after them, the last preceding the first; a single one."""
+    n = len(points)
+    kept = np.empty(n, np.int64)
+    m = 0
+    for i in range(n):
+        j = (i + 1) % n
+        if n < 2 or points[i, 0] != points[j, 0] or points[i, 1] != points[j, 1]:
+            kept[m] = i
+            m += 1
+    return kept[:m].copy()
+
+
+@kernel
+def _twice_area(points: Array) -> float:
+    area = 0.0
+    for i in range(1, len(points) - 1):
+        area += _turn(
+            points[0, 0], points[0, 1], points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
+        )
+    return area
+
+
+@kernel
+def _cleaned(points: Array) -> Array:
+    points = points[_distinct(points)]
+    return points[::-1].copy() if _twice_area(points) < 0.0 else points
+
+
+@kernel
+def _fault(vertices: Array) -> tuple[int, tuple[float, float], float, float]:
+    """What is wrong, a key of _FAULTS or _CROSSING, 0 for nothing; and where two sides that cross begin."""
+    none = (0.0, 0.0)
     if not np.isfinite(vertices).all():
-        return "a vertex is not finite"
-    points = _distinct(vertices)
-    if len(points) < 3:
-        return "fewer than three distinct vertices"
-    size = float((points.max(axis=0) - points.min(axis=0)).max())
+        return 1, none, 0.0, 0.0
+    points = vertices[_distinct(vertices)]
+    n = len(points)
+    if n < 3:
+        return 2, none, 0.0, 0.0
+    size = max(np.ptp(points[:, 0]), np.ptp(points[:, 1]))
     if not size < 1e9:
-        return "it is larger than 1e9 m"
-    tree = plant(outline(points - points[0]), ordered=True)
+        return 3, none, 0.0, 0.0
+    sides = np.zeros((n, SIZE))
+    for i in range(n):
+        j = (i + 1) % n
+        sides[i, 0], sides[i, 1] = points[i, 0] - points[0, 0], points[i, 1] - points[0, 1]
+        sides[i, 2], sides[i, 3] = points[j, 0] - points[0, 0], points[j, 1] - points[0, 1]
+    tree = build_tree(sides)
     side, place = _first_crossing(tree, places(tree))
     if side >= 0:
-        (ax, ay), (bx, by) = points[side], points[0] + tree[place : place + 2]
-        return f"the sides that begin at ({ax:g}, {ay:g}) and ({bx:g}, {by:g}) cross or touch"
+        a, b = points[side], points[0] + tree[place : place + 2]
+        return _CROSSING, (a[0], a[1]), b[0], b[1]
     if abs(_twice_area(points)) <= 1e-12 * size * size:
-        return "it has no area"
-    return None
+        return 5, none, 0.0, 0.0
+    return 0, none, 0.0, 0.0
+
+
+@kernel
+def _outlines(vertices: Array, begin: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    ends = np.zeros((len(vertices), 2), np.int64)
+    m = 0
+    for k in range(len(begin) - 1):
+        points = vertices[begin[k] : begin[k + 1]]
+        if _fault(points)[0] != 0:
+            return ends, k
+        kept = _distinct(points)
+        if _twice_area(points[kept]) < 0.0:
+            kept = kept[::-1].copy()
+        for i in range(len(kept)):
+            ends[m, 0], ends[m, 1] = begin[k] + kept[i], begin[k] + kept[(i + 1) % len(kept)]
+            m += 1
+    return ends[:m].copy(), -1
 
 
 @kernel

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import ruckig
-from toppra.algorithm import TOPPRA
 from toppra.constraint import DiscretizationType, LinearConstraint
 from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
 from toppra.interpolator import AbstractGeometricPath
+from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
 from drives.se2 import Array, Pose
@@ -30,9 +30,11 @@ from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 
 __all__ = ["cruising_speed", "duration_estimate", "time_path"]
 
-_GRID_START, _GRID_MAX = 96, 3000
-_PHASES = 7
-"""Of a profile by Ruckig, at most."""
+_GRID_START, _GRID_SWINGING, _GRID_MAX = 48, 96, 3000
+"""Intervals to begin with, those where wheels trail, and points at most."""
+_TINY, _RELATIVE, _TRIES = 1e-8, 1e-4, 10
+"""By how much ṡ² is kept below what TOPPRA finds controllable, the smaller of absolute and relative, and how
+often it is lowered by ten times that where rounding has made a step infeasible."""
 _BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
 _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
 """Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
@@ -97,12 +99,20 @@ def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits:
 
 
 def _grid(piece: Curve, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:
-    """Grid points over [0, 1], close enough to resolve the actuators, and their law there."""
-    grid = np.linspace(0.0, 1.0, _GRID_START + 1)
+    """Grid points over [0, 1], close enough to resolve the actuators, and their law there: its ends, where
+    w is constant and steering linear in s."""
+    grid = np.array([0.0, 1.0])
+    if drive.settled is not drive:  # Trailing wheels swing all along, whatever the tangent does.
+        grid = np.linspace(0.0, 1.0, _GRID_SWINGING + 1)
+    elif piece.body_path(grid).tangent_derivative.any():
+        # Closer together towards the ends, where s gains little in much time.
+        grid = (1 - np.cos(np.linspace(0.0, math.pi, _GRID_START + 1))) / 2
     try:
         while True:
             law = drive.actuators(piece.body_path(grid), steering, limits.steering_angle)
             scale = np.abs(law.wheel).max() + 1e-300
+            if len(grid) == 2:
+                return grid, law
             coarse = (np.abs(np.diff(law.steering, axis=0)) > _STEERING_STEP).any(1)
             coarse |= (np.abs(np.diff(law.wheel, axis=0)) > _WHEEL_STEP * scale).any(1)
             if not coarse.any() or len(grid) + coarse.sum() > _GRID_MAX:
@@ -120,11 +130,9 @@ def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: 
     if constant:
         with np.errstate(divide="ignore"):
             jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
-        top = np.abs(a).max()
-        profile = _ruckig(math.sqrt(x_max.min()), 1 / top if top > 0 else math.inf, jerk)
+        profile = _steady(float(np.abs(a).max()), float(x_max.min()), jerk)
     else:
-        profile = _sharp(grid, a, b, x_max)
-    profile = _slowed(profile, piece, grid, drive, limits, needed)
+        profile = _slowed(_sharp(grid, a, b, x_max), piece, drive, limits, needed)
     if constant or not np.isfinite(limits.wheel_jerk).any():
         return Driven(piece, profile, grid, needed, fastest=True)
     ramp = float((limits.wheel_acceleration / limits.wheel_jerk).max())
@@ -150,14 +158,9 @@ def _halved(knots: Array) -> Array:
     return np.sort(np.concatenate([knots, (knots[:-1] + knots[1:]) / 2]))
 
 
-def _slowed(
-    profile: Profile, piece: Curve, grid: Array, drive: Drive, limits: Limits, steering: Array
-) -> Profile:
+def _slowed(profile: Profile, piece: Curve, drive: Drive, limits: Limits, steering: Array) -> Profile:
     """The profile, slowed as a whole by what it exceeds a limit between the points that it was made for."""
-    if len(profile.position) <= _PHASES:
-        time = np.linspace(0.0, profile.duration, 4 * len(grid))
-    else:
-        time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
+    time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
     s, rate, acceleration = profile.at(time)
     s = np.clip(s, 0.0, 1.0)
     s, first = np.unique(s, return_index=True)
@@ -190,6 +193,13 @@ def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Arr
     ]).max(1)  # fmt: skip
     with np.errstate(divide="ignore"):
         return a, b, np.where(slowest > 0, slowest**-2.0, np.inf)
+
+
+def _steady(a: float, x_max: float, jerk: float) -> Profile:
+    """Ruckig's law under |a·s̈| <= 1 and ṡ² <= x_max, slowed as a whole by what rounding makes it exceed."""
+    profile = _ruckig(math.sqrt(x_max), 1 / a if a > 0 else math.inf, jerk)
+    x, acceleration = profile.velocity.max() ** 2, np.abs(profile.acceleration).max()
+    return profile.slowed(math.sqrt(max(1.0, a * acceleration, x / x_max)))
 
 
 def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
@@ -260,13 +270,10 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     rows = _ActuatorConstraint(
         a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6), scheme
     )
-    solver = TOPPRA(
-        [rows], _Samples(), gridpoints=grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel"
-    )
-    _, rate, *_ = solver.compute_parameterization(0.0, 0.0)
-    if rate is None or not np.isfinite(rate).all():
+    rate = np.sqrt(_controlled(rows, grid))
+    if not np.isfinite(rate).all():
         return None
-    rate = np.maximum(rate, 0.0) / unit
+    rate /= unit
     mean = (rate[:-1] + rate[1:]) / 2
     if (mean <= 0).any():
         return None
@@ -274,6 +281,35 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     acceleration = (rate[1:] ** 2 - rate[:-1] ** 2) / (2 * h)
     time = np.concatenate([[0.0], np.cumsum(h / mean)])
     return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
+
+
+def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
+    """The largest ṡ² (n,) from rest to rest, nan if there is none: TOPPRA's two passes (Pham and Pham, 2018,
+    algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable."""
+    solver = seidelWrapper([rows], _Samples(), grid)
+    solver.setup_solver()
+    solve, last = solver.solve_stagewise_optim, len(grid) - 1
+    x = np.full(len(grid), np.nan)
+    most = [0.0] * len(grid)
+    upwards = np.array([1e-9, -1.0])
+    for i in range(last - 1, -1, -1):
+        most[i] = float(solve(i, None, upwards, math.nan, math.nan, 0.0, most[i + 1])[1])
+        if math.isnan(most[i]):
+            return x
+        most[i] = max(most[i], 0.0)
+    ahead = np.column_stack([-2 * np.diff(grid), np.full(last, -1.0)])
+    double = (2 * np.diff(grid)).tolist()
+    x[0] = at = 0.0
+    for i in range(last):
+        for _ in range(_TRIES):
+            u = float(solve(i, None, ahead[i], at, at, 0.0, most[i + 1])[0])
+            if not math.isnan(u):
+                break
+            x[i] = at = max(at - _TINY, (1 - 10 * _RELATIVE) * at)
+        at += double[i] * u
+        x[i + 1] = at = min(most[i + 1], max(0.0, at - _TINY, (1 - _RELATIVE) * at))
+    solver.close_solver()
+    return x
 
 
 def _smoothed(sharp: Profile, spacing: float) -> Profile:

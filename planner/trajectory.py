@@ -121,7 +121,8 @@ class Profile:
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
     """One piece of a path, driven by a profile from rest to rest. steering (k,): where the wheels stand as it
-    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators; fastest: whether no
+    begins; grid (n,): points of [0, 1] close enough together to resolve the actuators, its ends alone where
+    w is constant and steering linear in s; fastest: whether no
     profile within the limits is known to be faster."""
 
     piece: Curve
@@ -137,6 +138,26 @@ class Driven:
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
         s, rate, acceleration = self.profile.at(time)
         s = np.clip(s, 0.0, 1.0)
+        w, dw, steering, swing, tangent, turned, end = self._along(s, drive)
+        v, a = rate[:, None], acceleration[:, None]
+        out.wheel_angle[rows] = angle + turned
+        out.wheel_velocity[rows] = w * v
+        out.wheel_acceleration[rows] = w * a + dw * v**2
+        out.steering_angle[rows] = steering
+        out.steering_rate[rows] = swing * v
+        out.pose[rows] = self.piece.poses(s)
+        out.twist[rows] = tangent * v
+        return angle + end
+
+    def _along(self, s: Array, drive: Drive) -> tuple[Array, ...]:
+        """w, w′, δ, δ′ and the body's tangent at s (n,), rows of them all or the one for all of them; and the
+        wheels' angles since the piece began, at s and at its end."""
+        if len(self.grid) == 2:
+            ends = self.piece.body_path(self.grid)
+            law = drive.actuators(ends, self.steering)
+            w, first, change = law.wheel[:1], law.steering[:1], np.diff(law.steering, axis=0)
+            share = s[:, None]
+            return w, np.zeros_like(w), first + share * change, change, ends.tangent[:1], share * w, w[0]
         fine, here = _union(self.grid, s)
         path = self.piece.body_path(fine)
         law = drive.actuators(path, self.steering)
@@ -144,17 +165,9 @@ class Driven:
         w, dw = law.wheel, law.wheel_derivative
         # Euler–Maclaurin: the trapezoid rule and its end correction, fourth order in h.
         gained = h / 2 * (w[:-1] + w[1:]) + h**2 / 12 * (dw[:-1] - dw[1:])
-        turned = angle + np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
-        v, a = rate[:, None], acceleration[:, None]
-        out.wheel_angle[rows] = turned[here]
-        out.wheel_velocity[rows] = w[here] * v
-        out.wheel_acceleration[rows] = w[here] * a + dw[here] * v**2
-        out.steering_angle[rows] = law.steering[here]
-        out.steering_rate[rows] = law.steering_derivative[here] * v
-        out.pose[rows] = self.piece.poses(s)
-        out.twist[rows] = path.tangent[here] * v
-        end: Array = turned[-1]
-        return end
+        turned = np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
+        each = (w, dw, law.steering, law.steering_derivative, path.tangent, turned)
+        return *(column[here] for column in each), turned[-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,7 @@ from drives.se2 import Array
 __all__ = [
     "HEAD",
     "SIZE",
+    "build_tree",
     "closest",
     "edge_distance",
     "foot",
@@ -59,11 +60,12 @@ def plant(segments: Array, ordered: bool = False) -> Array:
     segments = np.ascontiguousarray(segments, dtype=np.float64)
     if not ordered and len(segments) > _LEAF:
         segments = segments[np.argsort(_hilbert(segments), kind="stable")]
-    return _plant(segments)
+    return build_tree(segments)
 
 
 @kernel
-def _plant(segments: Array) -> Array:
+def build_tree(segments: Array) -> Array:
+    """The tree over segments (m, 5), in their order."""
     m = len(segments)
     low, high = np.empty(2 * m + 1, np.int64), np.empty(2 * m + 1, np.int64)
     place = np.empty(2 * m + 1, np.int64)

@@ -19,6 +19,7 @@ from drives.drive import Holonomic
 from drives.se2 import Array, wrap
 from planner.errors import AuditFailed
 from planner.problem import Problem
+from planner.rolling import Rolled, moved, points, roll
 from planner.schedule import WheelSchedule
 
 __all__ = ["Certificate", "Surroundings", "verify"]
@@ -113,23 +114,6 @@ class Reading(NamedTuple):
     time: Array | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rolled:
-    """What the wheels make of a schedule. At the samples: pose (n, 3), world, twist (n, 3), slip (n,) m/s; at
-    the samples and the nodes between them: poses and times, path (4n - 3, 4)."""
-
-    pose: Array
-    twist: Array
-    slip: Array
-    path: Array
-
-    @property
-    def tolerance(self) -> float:
-        """How far an open-loop motion of this length may be off, m."""
-        step = np.diff(self.pose, axis=0)
-        return _POSITION + _POSITION_PER_METRE * float(np.hypot(step[:, 0], step[:, 1]).sum())
-
-
 def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Certificate:
     """Certify a schedule for a problem.
 
@@ -142,7 +126,7 @@ def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Ce
     found = {field.name: 0.0 for field in fields(Certificate)}
     # What overflows here comes out as inf or nan, and both are violations.
     with np.errstate(all="ignore"):
-        rolled = _roll(problem, schedule)
+        rolled = roll(problem, schedule)
         found["clearance"], violations = _clearance(problem, schedule, rolled, world)
         checks = (_closure, _wheels, _steering, _ends, _agreement, _body, _route)
         for reading in (r for check in checks for r in check(problem, schedule, rolled) if r.value.size):
@@ -159,15 +143,19 @@ def _judge(reading: Reading, time: Array) -> tuple[float, list[str]]:
     """What to certify, and a sentence where the bound is passed."""
     what, unit, slack = _QUANTITIES[reading.quantity]
     bound = np.broadcast_to(reading.bound, reading.value.shape)
-    used = np.nan_to_num(reading.value / bound, nan=np.inf, posinf=np.inf)
+    used, value = reading.value / bound, reading.value
+    if not math.isfinite(used.max()):
+        used, value = np.nan_to_num(used, nan=np.inf, posinf=np.inf), np.nan_to_num(value, nan=np.inf)
     i, j = np.unravel_index(np.argmax(used), used.shape)
-    worst = used if reading.quantity.endswith("_ratio") else np.nan_to_num(reading.value, nan=np.inf)
-    found, value, limit = min(float(worst.max()), _SATURATED), reading.value[i, j], bound[i, j]
+    worst = used[i, j] if reading.quantity.endswith("_ratio") else value.max()
+    found, limit = min(float(worst), _SATURATED), bound[i, j]
     if used[i, j] <= 1 + slack:
         return found, []
     owner = f" of {reading.columns[j]}" if reading.columns else ""
     at = (time if reading.time is None else reading.time)[i]
-    return found, [f"{what}{owner} is {value:.6g} {unit} at t = {at:.4f} s, allowed {limit:.6g} {unit}"]
+    return found, [
+        f"{what}{owner} is {reading.value[i, j]:.6g} {unit} at t = {at:.4f} s, allowed {limit:.6g} {unit}"
+    ]
 
 
 def _unreadable(problem: Problem, schedule: WheelSchedule) -> list[str]:
@@ -193,51 +181,16 @@ def _unreadable(problem: Problem, schedule: WheelSchedule) -> list[str]:
     return faults
 
 
-# Gauss–Legendre quadrature of order six over [0, 1]: its nodes, the weights of the whole integral, and of the
-# integral up to each node (Hairer, Nørsett and Wanner, 1993, section II.7).
-_ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
-_NODES, _WHOLE = (1 + _ROOTS) / 2, _SHARES / 2
-_PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
+def _tolerance(rolled: Rolled) -> float:
+    """How far an open-loop motion of this length may be off, m."""
+    step = np.diff(rolled.pose, axis=0)
+    return _POSITION + _POSITION_PER_METRE * float(np.hypot(step[:, 0], step[:, 1]).sum())
 
 
-def _hermite(time: Array, value: Array, slope: Array) -> tuple[Array, Array]:
-    """The cubic through samples (n, c) and its slope, both (3(n - 1), c), at the nodes of every interval."""
-    h, u = np.diff(time)[:, None, None], _NODES[:, None]
-    start, begin, end = value[:-1, None], slope[:-1, None], slope[1:, None]
-    rise = (value[1:, None] - start) / h
-    square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
-    shape = (len(h) * len(u), value.shape[1])
-    inner = start + h * u * (begin + u * (square + u * cube))
-    return inner.reshape(shape), (begin + u * (2 * square + 3 * u * cube)).reshape(shape)
-
-
-def _integrate(start: float, rate: Array, h: Array) -> tuple[Array, Array]:
-    """Integral, at samples and at nodes, of a rate given at the nodes (n - 1, 3) of intervals h (n - 1,)."""
-    at_samples = np.concatenate([[start], start + np.cumsum(h * (rate @ _WHOLE))])
-    return at_samples, at_samples[:-1, None] + h[:, None] * (rate @ _PARTS.T)
-
-
-def _roll(problem: Problem, schedule: WheelSchedule) -> _Rolled:
-    """Roll the wheels forward from the start, as a client would who interpolates with cubics."""
-    time, n = schedule.time, len(schedule.time)
-    h, start = np.diff(time), problem.start
-    samples = (schedule.wheel_velocity, schedule.steering_angle, schedule.steering_rate)
-    nodes = (*_hermite(time, schedule.wheel_angle, samples[0])[1:], *_hermite(time, *samples[1:]))
-    twist, slip = problem.robot.drive.forward(*(np.vstack(pair) for pair in zip(samples, nodes, strict=True)))
-    vx, vy, omega = np.moveaxis(twist[n:].reshape(n - 1, len(_NODES), 3), -1, 0)
-    theta = _integrate(start.theta, omega, h)
-    c, s = np.cos(theta[1]), np.sin(theta[1])
-    x, y = _integrate(start.x, c * vx - s * vy, h), _integrate(start.y, s * vx + c * vy, h)
-    parts = (x, y, theta, (time, time[:-1, None] + np.multiply.outer(h, _NODES)))
-    pose, inner = (np.stack(part, -1) for part in zip(*parts, strict=True))
-    path = np.concatenate([np.concatenate([pose[:-1, None], inner], 1).reshape(-1, 4), pose[-1:]])
-    return _Rolled(pose[:, :3], twist[:n], slip[:n], path)
-
-
-def _closure(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+def _closure(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     goal, (x, y, theta), last = problem.goal, rolled.pose[-1], schedule.time[-1:]
     # A single sample claims that the start is the goal; there is nothing to roll.
-    near, aligned = (rolled.tolerance, _HEADING) if len(schedule.time) > 1 else (_SAME, _SAME)
+    near, aligned = (_tolerance(rolled), _HEADING) if len(schedule.time) > 1 else (_SAME, _SAME)
     yield Reading("closure_position", np.hypot(x - goal.x, y - goal.y).reshape(1, 1), near, time=last)
     if goal.theta is not None:
         turn = np.array([[abs(wrap(float(theta) - goal.theta))]])
@@ -251,7 +204,7 @@ def _intervals(problem: Problem, schedule: WheelSchedule) -> tuple[Array, Array]
     return h, np.maximum(h, 1e-3 * problem.options.sample_period)
 
 
-def _wheels(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Reading]:
+def _wheels(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
     limits, names = problem.robot.limits, problem.robot.drive.wheel_names
     h, over = _intervals(problem, schedule)
     angle, speed, change = schedule.wheel_angle, schedule.wheel_velocity, schedule.wheel_acceleration
@@ -273,7 +226,7 @@ def _wheels(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[R
         yield Reading(quantity, gap, limit * h**2 / 4 + _COPIED, names)
 
 
-def _steering(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Reading]:
+def _steering(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
     limits, names = problem.robot.limits, problem.robot.drive.steered_names
     h, over = _intervals(problem, schedule)
     angle, rate, limit = schedule.steering_angle, schedule.steering_rate, limits.steering_rate
@@ -286,7 +239,7 @@ def _steering(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator
     yield Reading("steering angle", np.abs(gained - trapezoid), room, names)
 
 
-def _ends(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Reading]:
+def _ends(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
     drive, limits, ends = problem.robot.drive, problem.robot.limits, [0, -1]
     for quantity, rate, limit, names in (
         ("wheels at rest", schedule.wheel_velocity, limits.wheel_speed, drive.wheel_names),
@@ -299,18 +252,18 @@ def _ends(problem: Problem, schedule: WheelSchedule, _: _Rolled) -> Iterator[Rea
         yield Reading("present steering", turned, _COPIED, drive.steered_names)
 
 
-def _agreement(_: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+def _agreement(_: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     linear = max(float(np.hypot(rolled.twist[:, 0], rolled.twist[:, 1]).max()), 0.05)
     fastest = max(linear, float(np.abs(rolled.twist[:, 2]).max()))
     yield Reading("slip", rolled.slip[:, None], 5e-4 * linear + 5e-5)
     gap = np.abs(rolled.twist - schedule.twist)
     yield Reading("twist", gap, 2.5e-3 * fastest + 5e-4, ("vx", "vy", "omega"))
     apart = rolled.pose - schedule.pose
-    yield Reading("drift_position", np.hypot(apart[:, :1], apart[:, 1:2]), rolled.tolerance)
+    yield Reading("drift_position", np.hypot(apart[:, :1], apart[:, 1:2]), _tolerance(rolled))
     yield Reading("drift_heading", np.abs(apart[:, 2:]), _HEADING)
 
 
-def _body(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+def _body(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     """The limits of the body, on the motion that the wheels make and on the stated one."""
     limits, over = problem.robot.limits, _intervals(problem, schedule)[1][:, 0]
     holonomic = isinstance(problem.robot.drive.mobility(limits), Holonomic)
@@ -336,7 +289,7 @@ def _lateral(twist: Array, heading: Array, h: Array) -> Array:
     return np.where(moving, 2 * cross / (both * h), 0.0)
 
 
-def _route(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterator[Reading]:
+def _route(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     options, mobility = problem.options, problem.robot.drive.mobility(problem.robot.limits)
     for twist in (rolled.twist, schedule.twist):
         vx, omega = twist[:, :1], twist[:, 2:]
@@ -347,7 +300,7 @@ def _route(problem: Problem, schedule: WheelSchedule, rolled: _Rolled) -> Iterat
 
 
 def _clearance(
-    problem: Problem, schedule: WheelSchedule, rolled: _Rolled, world: Surroundings
+    problem: Problem, schedule: WheelSchedule, rolled: Rolled, world: Surroundings
 ) -> tuple[float, list[str]]:
     """The smallest clearance (m) of the motion, and a sentence where it is too small."""
     footprint, fixed = problem.robot.footprint, problem.robot.drive.fixed_body_heading
@@ -368,28 +321,42 @@ def _clearance(
 def _nearest(world: Surroundings, path: Array, reach: float, asked: float) -> tuple[float, Array]:
     """The smallest clearance (m, within ±1e6) along a polyline (n, 4) of poses and times, and the point (4,)
     where it is. reach m: of the footprint. What cannot be checked has a clearance of -1e6."""
-    step = np.abs(np.diff(path, axis=0))
-    # How far a point of the footprint has moved since the start, at most.
-    moved = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + reach * step[:, 2])])
-    if not moved[-1] <= _LONGEST:
+    way = moved(path, reach)
+    if not way[-1] <= _LONGEST:
         return -_SATURATED, path[-1]
 
-    def points(at: Array) -> Array:
-        return np.column_stack([np.interp(at, moved, column) for column in path.T])
+    def look(at: Array) -> Array:
+        near = world.clearance(points(path, way, at)[:, :3])
+        return np.clip(np.nan_to_num(near, nan=-_SATURATED), -_SATURATED, _SATURATED)
 
-    more, at, near = np.linspace(0.0, moved[-1], 1 + math.ceil(moved[-1] / _COARSE)), np.empty(0), np.empty(0)
-    while more.size:
-        at, near = np.append(at, more), np.append(near, world.clearance(points(more)[:, :3]))
-        order = np.argsort(at)
-        at, near = at[order], near[order]
-        # Clearance changes by no more than the footprint moves, so most stretches cannot hold the smallest.
-        width, least = np.diff(at), near.min() - _MARGIN * max(near.min() - asked, 0.0)
-        close = (near[:-1] + near[1:] - width) / 2 < least
-        more = (at[:-1] + width / 2)[close & (width > _FINE)]
-    if close.any():
+    at = np.linspace(0.0, way[-1], 1 + math.ceil(way[-1] / _COARSE))
+    near = look(at)
+    nearest, where = _least(near, at)
+    # Clearance changes by no more than the footprint moves, so most stretches cannot hold the smallest.
+    stretches = np.stack([at[:-1], at[1:], near[:-1], near[1:]])
+    while True:
+        enough = nearest - _MARGIN * max(nearest - asked, 0.0)
+        begin, end, first, last = stretches
+        stretches = stretches[:, (first + last - (end - begin)) / 2 < enough]
+        wide = stretches[1] - stretches[0] > _FINE
+        if not wide.any():
+            break
+        begin, end, first, last = stretches[:, wide]
+        at = begin + (end - begin) / 2
+        near = look(at)
+        nearest, where = min((nearest, where), _least(near, at))
+        halves = np.stack([begin, at, first, near]), np.stack([at, end, near, last])
+        stretches = np.concatenate([stretches[:, ~wide], *halves], axis=1)
+    if stretches.size:
         # The samples themselves: a cusp may come nearer than its surroundings.
-        more = moved[close[np.clip(np.searchsorted(at, moved, side="right") - 1, 0, len(width) - 1)]]
-        at, near = np.append(at, more), np.append(near, world.clearance(points(more)[:, :3]))
-    near = np.clip(np.nan_to_num(near, nan=-_SATURATED), -_SATURATED, _SATURATED)
-    worst = int(np.argmin(near))
-    return float(near[worst]), points(at[worst : worst + 1])[0]
+        begin, end = np.sort(stretches[:2])
+        i = np.searchsorted(begin, way, side="right") - 1
+        at = way[(i >= 0) & (way <= end[i])]
+        nearest, where = min((nearest, where), _least(look(at), at))
+    return nearest, points(path, way, np.array([where]))[0]
+
+
+def _least(values: Array, at: Array) -> tuple[float, float]:
+    """The smallest of some values, and where the first such is."""
+    i = int(np.argmin(values)) if len(values) else 0
+    return (float(values[i]), float(at[i])) if len(values) else (math.inf, 0.0)

@@ -1,12 +1,14 @@
 import io
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from api.maps import MapStore
+from planner.kept import recall
 
 YAML = """
 image: map.pgm
@@ -286,6 +288,15 @@ def test_an_upload_that_fails_on_disk_leaves_nothing(client, settings, monkeypat
         assert upload(client).status_code == 500
     assert not list(settings.data_dir.glob("maps/*"))
     assert upload(client).status_code == 201
+
+
+def test_what_planning_needs_first_is_kept_at_upload(client, settings, body, planner_):
+    body["environment"] = {"map": {"id": upload(client).json()["id"], "unknown": "free"}}
+    client.post("/v1/plans", json=body)
+    layer = planner_.problem.environment.map
+    shape = np.load(layer.directory / "cells.npy").shape
+    for unknown in ("occupied", "free"):
+        assert recall(replace(layer, unknown=unknown), shape, shape) is not None
 
 
 def test_what_a_crash_left_is_swept_at_the_next_start(settings):

@@ -302,6 +302,23 @@ def test_what_is_no_simple_polygon_is_said_and_refused(vertices: list[list[float
     assert error.value.details["errors"][0]["pointer"] == "/environment/obstacles/1"
 
 
+def test_of_many_obstacles_the_first_that_is_wrong_is_named() -> None:
+    fine = Polygon(np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]]))
+    bow = Polygon(np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]))
+    flat = Polygon(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    disc, point, nowhere = Circle(0.5, 0.5, 0.1), Circle(0.5, 0.5, 0.0), Circle(math.nan, 0.5, 0.1)
+    for obstacles, first, says in (
+        ((disc, fine, bow, point, flat), 2, "cross"),
+        ((fine, disc, nowhere, bow), 2, "not finite"),
+        ((disc, disc, fine, flat, bow), 3, "three distinct"),
+        ((point, bow), 0, "not positive"),
+    ):
+        with pytest.raises(InvalidGeometry) as error:
+            CollisionWorld.build(Environment(ROOM, obstacles), rectangle(1, 1))
+        assert says in str(error.value)
+        assert error.value.details["errors"][0]["pointer"] == f"/environment/obstacles/{first}"
+
+
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=3, max_size=8))
 @settings(max_examples=400, deadline=None, derandomize=True)
 def test_check_simple_polygon_is_shapelys_validity(corners: list[tuple[int, int]]) -> None:

@@ -5,20 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from toppra.algorithm import TOPPRA
+from toppra.constraint import LinearConstraint
 
 from drives import DRIVES, Differential, Mecanum
 from drives.drive import BodyPath, Car, Drive, Holonomic, Limits
 from drives.se2 import Array, Pose, Twist
+from planner import time_law
 from planner.errors import LimitsInfeasible
 from planner.path import LinePiece, Path, Piece, TwistPiece
 from planner.problem import Robot
 from planner.schedule import WheelSchedule, schedule
 from planner.time_law import time_path
+from planner.trajectory import Driven, Phases
 
 R, TRACK = 0.1, 0.4
 DIFFERENTIAL = Differential(R, TRACK)
@@ -375,3 +380,44 @@ def test_the_law_is_the_drives_own(robot: Callable[..., Robot]) -> None:
         rate = made.twist[inside, 2] / piece.turn
         law = example.drive.actuators(path)
         assert made.wheel_velocity[inside] == pytest.approx(law.wheel * rate[:, None], abs=1e-6)
+
+
+# ---------------------------------------------------------------- short cuts
+
+
+@pytest.mark.parametrize("kind", [k for k in sorted(DRIVES) if k != "powered_caster"])
+@pytest.mark.parametrize("twist", [Twist(1.3, 0.0, 0.0), Twist(-0.9, 0.0, 0.35), Twist(0.0, 0.0, 2.0)])
+def test_a_steady_piece_is_sampled_as_on_a_fine_grid(
+    robot: Callable[..., Robot], kind: str, twist: Twist
+) -> None:
+    given = robot(kind)
+    drive, limits = given.drive, given.limits
+    if isinstance(drive.mobility(limits), Car) and twist.vx == 0.0:
+        twist = Twist(0.5, 0.0, -0.1)
+    driven = time_path((TwistPiece(START, twist),), drive, limits).phases[-1]
+    assert isinstance(driven, Driven)
+    assert len(driven.grid) == 2
+    fine = replace(driven, grid=np.linspace(0.0, 1.0, 200))
+    made, wanted = (schedule(Phases(drive, (phase,)), 0.01) for phase in (driven, fine))
+    for name in ("wheel_angle", "wheel_velocity", "wheel_acceleration", "steering_angle", "steering_rate",
+                 "pose", "twist"):  # fmt: skip
+        np.testing.assert_allclose(getattr(made, name), getattr(wanted, name), atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("turn", [0.02, 1.0, -3.0])
+def test_the_two_passes_find_what_toppra_finds(monkeypatch: pytest.MonkeyPatch, turn: float) -> None:
+    found: list[tuple[Array, Array]] = []
+
+    def both(rows: LinearConstraint, grid: Array) -> Array:
+        path = SimpleNamespace(dof=1, path_interval=np.array([0.0, 1.0]))
+        solver = TOPPRA([rows], path, gridpoints=grid, solver_wrapper="seidel")
+        _, rate, *_ = solver.compute_parameterization(0.0, 0.0)
+        found.append((x := controlled(rows, grid), rate**2))
+        return x
+
+    controlled = time_law._controlled
+    monkeypatch.setattr(time_law, "_controlled", both)
+    drive = Mecanum(0.05, 0.3, 0.4)
+    duration(drive, LinePiece(START, Pose(3.0, 1.0, START.theta + turn)), limited(drive, 10.0, 20.0))
+    ((x, wanted),) = found
+    np.testing.assert_allclose(x, wanted, rtol=1e-9, atol=1e-9)

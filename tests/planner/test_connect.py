@@ -1,0 +1,51 @@
+"""Motions between poses: what is asked of some of them is what is true of all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from drives.se2 import Pose
+from planner.connect import connector, is_path_free
+from planner.environment import CollisionWorld
+from planner.problem import Environment, Options, Robot
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+@pytest.mark.parametrize("effort", ["first", "good"])
+@pytest.mark.parametrize("kind", ["mecanum", "differential", "ackermann"])
+def test_ways_are_as_free_one_by_one_as_together_and_as_their_paths(
+    robot: Callable[..., Robot], clutter: Environment, kind: str, effort: str, reverse: bool
+) -> None:
+    given = robot(kind)
+    world = CollisionWorld.build(clutter, given.footprint)
+    local = connector(given, world, Options(effort=effort, reverse=reverse))  # type: ignore[arg-type]
+    random = np.random.default_rng(5)
+    poses = random.uniform([-4, -4, -3], [4, 4, 3], (400, 3))
+    a, b = np.array([p for p in poses if world.is_free(Pose(*p))])[:60].reshape(2, 30, 3)
+    verdicts = []
+    for motions in local.direct(a.copy(), b.copy()):
+        free = motions.free()
+        assert free.shape == motions.times.shape
+        for pair, way in np.argwhere(motions.times < np.inf).tolist():
+            alone = motions.free(slice(pair, pair + 1), slice(way, way + 1))
+            assert alone.shape == (1, 1)
+            assert alone[0, 0] == free[pair, way] == is_path_free(world, motions.path(pair, way))
+            verdicts.append(bool(alone[0, 0]))
+    assert {True, False} == set(verdicts)
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_wider_curves_are_those_of_a_connector_of_that_radius(
+    robot: Callable[..., Robot], clutter: Environment, reverse: bool
+) -> None:
+    given = robot("ackermann")
+    world = CollisionWorld.build(clutter, given.footprint)
+    local = connector(given, world, Options(reverse=reverse))
+    a, b = np.random.default_rng(6).uniform(-3, 3, (2, 20, 3))
+    for motions, scale in zip(local.direct(a, b), (1.0, 1.5, 2.5, 4.0), strict=True):
+        radius = scale * local.turning_radius
+        wider = connector(given, world, Options(reverse=reverse, turning_radius=radius)).motions(a, b)
+        np.testing.assert_allclose(motions.times[:, :4], wider.times, rtol=1e-12)
