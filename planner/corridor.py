@@ -34,9 +34,9 @@ _SPARE = 0.005
 
 
 @kernel
-def half_planes(world: World, poses: Array, relaxed: bool) -> Array:
-    """Planes (n, k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m,
-    world frame).
+def half_planes(world: World, poses: Array, relaxed: bool, sides: int = 1) -> Array:
+    """Planes (n, sides·k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m,
+    world frame). Two sides: another one for what is nearest on the other side of each disc.
 
     The point (x, y) of the body keeps clear of the obstacle nearest to its disc where n·point >= d. Where
     `relaxed`, planes that the pose itself does not keep to are moved to where it does. For a footprint
@@ -44,17 +44,20 @@ def half_planes(world: World, poses: Array, relaxed: bool) -> Array:
     """
     first, last = int(world[DISCS]), int(world[WALLS])
     count = (last - first) // 4
-    planes = np.zeros((len(poses), count, 5))
+    planes = np.zeros((len(poses), sides * count, 5))
     reach = world[RADIUS] + world[MIN_CLEARANCE] + _SPARE
     for i in range(len(poses)):
         x, y, theta = to_local(world, poses[i, 0], poses[i, 1], poses[i, 2])
         heading = footprint_heading(world, theta)
         c, s = math.cos(heading), math.sin(heading)
-        for j in range(count):
-            k = first + 4 * j
+        ax = ay = 0.0
+        for j in range(sides * count):
+            k = first + 4 * (j // sides)
+            if j % sides == 0:
+                ax = ay = 0.0
             bx, by = world[k], world[k + 1]
             px, py = x + c * bx - s * by, y + s * bx + c * by
-            distance, fx, fy, thick = _nearest_foot(world, px, py)
+            distance, fx, fy, thick = _nearest_foot(world, px, py, ax, ay)
             if distance == np.inf:
                 planes[i, j, 4] = -1.0
                 continue
@@ -62,6 +65,8 @@ def half_planes(world: World, poses: Array, relaxed: bool) -> Array:
             sign = 1.0
             if thick == 0.0 and solid(world, px, py, way):
                 sign = -1.0
+            if way > 1e-12:
+                ax, ay = (px - fx) / way, (py - fy) / way
             nx, ny = (sign * (px - fx) / way, sign * (py - fy) / way) if way > 1e-12 else (1.0, 0.0)
             needed = thick + world[k + 2] + reach
             if relaxed:
@@ -78,9 +83,11 @@ def half_planes(world: World, poses: Array, relaxed: bool) -> Array:
 
 
 @kernel
-def _nearest_foot(world: World, x: float, y: float) -> tuple[float, float, float, float]:
-    """Distance from a point to the nearest boundary, the point of its segment it is measured to, its
-    radius."""
+def _nearest_foot(
+    world: World, x: float, y: float, ax: float, ay: float
+) -> tuple[float, float, float, float]:
+    """Distance from a point to the nearest boundary in a direction, within 90 degrees, (0, 0: in any); the
+    point of its segment it is measured to, its radius."""
     best, px, py, thick = np.inf, x, y, 0.0
     i, stop = int(world[SOLIDS]), int(world[FIELD])
     while i < stop:
@@ -94,7 +101,7 @@ def _nearest_foot(world: World, x: float, y: float) -> tuple[float, float, float
         for _ in range(count):
             fx, fy = foot(x, y, world[i], world[i + 1], world[i + 2], world[i + 3])
             distance = math.hypot(x - fx, y - fy) - world[i + 4]
-            if distance < best:
+            if distance < best and ax * (fx - x) + ay * (fy - y) >= 0.0:
                 best, px, py, thick = distance, fx, fy, world[i + 4]
             i += SIZE
     return best, px, py, thick

@@ -17,13 +17,14 @@ from drives.se2 import Array
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
 
-__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "sampled"]
+__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "ramp_time", "sampled"]
 
 Coordinates = Literal["twist", "unicycle", "car"]
 """(vx, vy, omega), (v, omega) or (v, curvature), see trajectory.Flowing."""
 
 _SHARES = np.linspace(0.0, 1.0, 41)
-_FINE = 2000
+_FINE, _FINE_PER_KNOT = 2000, 20
+"""Points at least that moving averages are taken over."""
 _BEND_WINDOW = 2.0
 """Over how much more time than speeds a car's curvature is smoothed: wheels are slow to steer."""
 _STILL = 1e-6
@@ -37,19 +38,26 @@ class Guess:
     pose: Array
     coordinates: Array
 
+    def part(self, first: int, last: int, knots: int) -> Guess:
+        """What lies between two knots, at another number of them."""
+        time = np.linspace(self.time[first], self.time[last], knots + 1)
+        columns = np.column_stack([self.pose, self.coordinates])
+        there = np.stack([np.interp(time, self.time, column) for column in columns.T], -1)
+        return Guess(time - time[0], there[:, :3], there[:, 3:])
+
 
 def flowing_time(motion: Phases, limits: Limits) -> float:
     """About how long (s) a motion would take if it only stopped where it changes direction."""
     cruise, _, twist = _cruising(motion, limits)
     forward = np.sign(twist[np.abs(twist[:, 0]) > _STILL, 0]) if not twist[:, 1].any() else np.zeros(0)
     turns = np.count_nonzero(np.diff(forward))
-    return float(cruise[-1]) + (1 + turns) * _ramp(limits)
+    return float(cruise[-1]) + (1 + turns) * ramp_time(limits)
 
 
 def flowing(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
     """A motion from stop to stop as if it flowed. Its poses stay on the path, which is known to be free."""
     cruise, pose, twist = _cruising(motion, limits)
-    ramp = _ramp(limits)
+    ramp = ramp_time(limits)
     time = np.linspace(0.0, cruise[-1] + ramp, knots + 1)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
     middle = time - ramp / 2
@@ -85,7 +93,7 @@ def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
             return Guess(time, rough.pose, np.column_stack([rough.twist[:, 0], bend]))
 
 
-def _ramp(limits: Limits) -> float:
+def ramp_time(limits: Limits) -> float:
     """Time (s) from rest to full speed."""
     return float((limits.wheel_speed / limits.wheel_acceleration).max())
 
@@ -109,7 +117,7 @@ def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:
     """Means (n, c) over windows of time around `at`. rest: beyond the ends, columns are 0, else as at the
     ends."""
-    fine = np.linspace(at[0] - width / 2, at[-1] + width / 2, _FINE + 1)
+    fine = np.linspace(at[0] - width / 2, at[-1] + width / 2, max(_FINE, _FINE_PER_KNOT * len(at)) + 1)
     # Where one piece ends, the next counts.
     i = np.clip(np.searchsorted(cruise, fine, side="right") - 1, 0, len(cruise) - 1)
     values = columns[i] * ((fine >= 0) & (fine <= cruise[-1]))[:, None] if rest else columns[i]

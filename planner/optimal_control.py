@@ -39,8 +39,9 @@ class Shape:
     """What a compiled solver is for: all else are its parameters.
 
     coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
-    to at every knot. jerk: whether wheel jerks are limited. held: whether a car begins with a given
-    curvature. forward: whether it must not go backwards.
+    to at every knot. jerk: whether wheel jerks are limited. given: what of the state it begins in is; a car
+    at rest may begin with any curvature, or with any rate of the curvature. forward: whether it must not
+    go backwards.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -49,7 +50,7 @@ class Shape:
     planes: int
     knots: int
     jerk: bool
-    held: bool
+    given: Literal["all", "curvature", "rest"]
     forward: bool
 
     @property
@@ -79,16 +80,16 @@ class Shape:
     def parameters(self) -> dict[str, int]:
         """Names and sizes, in order.
 
-        start, goal: poses. rate (rows, 3): wheel rate over its limit per twist. x, y, speed (steered):
-        where the wheel stands, and 1 over its largest rolling speed. acceleration, jerk (rows + steered):
-        rate limit over acceleration limit, and over jerk limit. steering: 1 over the steering rate.
-        curvature: 1 over the largest. body: 1 over the limits of speed, omega, tangential and lateral
-        acceleration. bend: the curvature that a car begins with. Then for every knot `planes` rows (nx,
-        ny, x, y, d): n·(point of the body at x, y) >= d.
+        start: pose, coordinates (and rates). goal: pose. rate (rows, 3): wheel rate over its limit per
+        twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling speed.
+        acceleration, jerk (rows + steered): rate limit over acceleration limit, and over jerk limit.
+        steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the limits of
+        speed, omega, tangential and lateral acceleration. Then for every knot `planes` rows (nx, ny, x,
+        y, d): n·(point of the body at x, y) >= d.
         """
         wheels = self.rows + self.steered
         return {
-            "start": 3,
+            "start": self.state - 1,
             "goal": 3,
             "rate": 3 * self.rows,
             "x": self.steered,
@@ -99,7 +100,6 @@ class Shape:
             "steering": 1,
             "curvature": 1,
             "body": 4,
-            "bend": 1,
             "planes": 5 * self.planes * (self.knots + 1),
         }
 
@@ -171,7 +171,7 @@ def solver(shape: Shape) -> Solver:
         if i == 0:
             hold(stage.begin(x[:, 0], shared), 0, 0)
             hold(x[-1, 0], 1e-3, 1e3)
-            if shape.coordinates == "car":
+            if shape.coordinates == "car" and shape.given == "rest":
                 hold(stage.bend(x[:, 0], shared), -1, 1)
         else:
             hold(speeds[i - 1], -1, 1)
@@ -223,8 +223,8 @@ def _stage(shape: Shape) -> _Stage:
     return _Stage(
         p.shape[0],
         function("step", [x, u], [problem.step(at, by) / unit]),
-        function("begin", [x, p], problem.at_end(at, symbols["start"], first=True)),
-        function("finish", [x, p], problem.at_end(at, symbols["goal"], first=False)),
+        function("begin", [x, p], problem.begin(at)),
+        function("finish", [x, p], problem.finish(at)),
         function("bend", [x, p], problem.bends(at)),
         function("speeds", [x, p], problem.speeds(at)),
         function("changes", [x, u, p], problem.changes(at, by)),
@@ -289,14 +289,22 @@ class _Problem:
         moved = ca.vertcat(pose[0] + dx, pose[1] + dy, pose[2] + turned(h))
         return ca.vertcat(moved, q, *([r] if self.shape.jerk else []), x[-1])
 
-    def at_end(self, x: Any, pose: Any, first: bool) -> list[Any]:
-        """What is zero at rest at a pose."""
-        where, q, r = self._split(x)
-        still = [q[0], q[1]] if self.shape.coordinates == "unicycle" else [q]
-        if self.shape.coordinates == "car":
-            still = [q[0] if not (first and self.shape.held) else ca.vertcat(q[0], q[1] - self.p["bend"])]
-        moved = [] if r is None else [r[0] if self.shape.coordinates == "car" else r]
-        return [where - pose, *still, *moved]
+    def begin(self, x: Any) -> list[Any]:
+        """What is zero in the state to begin in."""
+        return self._differences(x, self.p["start"], self.shape.given)
+
+    def finish(self, x: Any) -> list[Any]:
+        """What is zero at rest at the goal."""
+        still = np.zeros(self.shape.state - 4)
+        return self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
+
+    def _differences(self, x: Any, to: Any, given: str) -> list[Any]:
+        """Of a state to another one, as far as that is given."""
+        curvature, its_rate = 4, 4 + self.shape.size
+        left = {"all": (), "curvature": (its_rate,), "rest": (curvature, its_rate)}[given]
+        if self.shape.coordinates != "car":
+            left = ()
+        return [x[i] - to[i] for i in range(self.shape.state - 1) if i not in left]
 
     def _rates(self, q: Any) -> list[Any]:
         """Every wheel's rate over its limit."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,8 @@ from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
 from planner.corridor import half_planes
 from planner.environment import CollisionWorld
-from planner.guess import Coordinates, Guess, flowing, flowing_time, sampled
+from planner.guess import Coordinates, Guess, flowing, flowing_time, ramp_time, sampled
+from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
@@ -28,6 +29,8 @@ _INTERVAL, _SPACING = 0.3, 0.35
 _TRIES = 3
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
+_SLOWED = 1.05
+"""A window that exceeds limits by more is not taken."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 
@@ -50,48 +53,74 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while. alone:
         whether to try first without them, which is quick, and where they are far that is enough.
         """
+        limits = self.problem.robot.limits
         if alone:
-            knots = _knots(motion, self.problem.robot.limits, math.inf)
-            found = self._solve(self._guess(motion, knots), np.zeros((knots + 1, 0, 5)))
+            knots = _knots(motion, limits, math.inf)
+            guess = self._guess(motion, knots)
+            found = self._solve(guess, self._begin(guess), np.zeros((knots + 1, 0, 5)))
             if found is not None and self._is_free(found):
-                found = hastened(found, self.problem.robot.limits)
-                return found if found.duration < motion.duration else None
-        knots = _knots(motion, self.problem.robot.limits, _SPACING)
+                made = self._slowed([found])
+                if made is not None:
+                    made = hastened(made, limits)
+                    return made if made.duration < motion.duration else None
+        knots = _knots(motion, limits, _SPACING)
         best = motion
         for _ in range(rounds):
-            found = self._in_corridor(best, knots)
-            if found is None or found.duration >= best.duration:
+            near = self._near(best, knots)
+            if near is None or near.duration >= best.duration:
                 break
-            done = found.duration > _GAIN * best.duration
-            best = found
+            done = near.duration > _GAIN * best.duration
+            best = near
             if done or self.is_over():
                 break
         return None if best is motion else best
 
-    def _in_corridor(self, motion: Phases, knots: int) -> Phases | None:
+    def _near(self, motion: Phases, knots: int) -> Phases | None:
         """The fastest free motion on the same side of all obstacles as a free one, or None."""
         guess = self._guess(motion, knots)
-        planes = half_planes(self.world.kernel, guess.pose, True)
+        begin = self._begin(guess)
+        runs = None
+        if knots <= _KNOTS[-1]:
+            found = self._in_corridor(guess, begin, 1)
+            runs = None if found is None else [found]
+        if runs is None and knots > WINDOW:
+            runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
+        made = None if runs is None else self._slowed(runs)
+        return None if made is None else hastened(made, self.problem.robot.limits)
+
+    def _window(self, guess: Guess, begin: State) -> Flowing | None:
+        # Along aisles what is nearest is now on one side, now on the other.
+        found = None if self.is_over() else self._in_corridor(guess, begin, 2)
+        made = None if found is None else self._slowed([found])
+        if found is None or made is None:
+            return None
+        # The whole will be slowed by as much as the worst of its windows, unless it is retimed.
+        slow = made.phases[-1].duration > _SLOWED * found.duration
+        return None if slow and not self._is_jerk_limited else found
+
+    def _in_corridor(self, guess: Guess, begin: State, sides: int) -> Flowing | None:
+        """The fastest free motion on the same side of all obstacles as a guess, whose poses are free; see
+        half_planes for sides."""
+        planes = half_planes(self.world.kernel, guess.pose, True, sides)
         near = planes
         for _ in range(_TRIES):
-            found = self._solve(guess, near)
+            found = self._solve(guess, begin, near)
             if found is None:
                 return None
             if self._is_free(found):
-                return hastened(found, self.problem.robot.limits)
+                return found
             if self.is_over():
                 break
             # Beside the obstacles near the motion, those that the answer ran into.
-            met = self._guess(found, knots).pose
-            near = np.concatenate([planes, half_planes(self.world.kernel, met, False)], 1)
+            met = found.poses(found.time)
+            near = np.concatenate([planes, half_planes(self.world.kernel, met, False, sides)], 1)
         return None
 
-    def _is_free(self, motion: Phases) -> bool:
+    def _is_free(self, motion: Flowing) -> bool:
         # Chords between poses: an arc strays from them by less than the certificate's tolerance, which has
         # the last word.
-        steps = math.ceil(_length(motion) / _STEP) + 100
-        pose = motion.sample(np.linspace(0.0, motion.duration, steps)).pose
-        return self.world.polyline_free(pose) < 0
+        steps = math.ceil(_way(motion.poses(motion.time)) / _STEP) + 100
+        return self.world.polyline_free(motion.poses(np.linspace(0.0, motion.duration, steps))) < 0
 
     @cached_property
     def _coordinates(self) -> Coordinates:
@@ -105,32 +134,40 @@ class Optimizer:
                 return "car"
 
     @cached_property
+    def _is_jerk_limited(self) -> bool:
+        return bool(np.isfinite(self.problem.robot.limits.wheel_jerk).any())
+
+    @cached_property
     def _turning_radius(self) -> float:
         """The smallest (m) that the drive and the request allow, 0: none."""
         mobility = self.problem.robot.drive.mobility(self.problem.robot.limits)
         least = mobility.min_turning_radius if isinstance(mobility, Car) else 0.0
         return max(least, self.problem.options.turning_radius)
 
-    @cached_property
-    def _bend(self) -> float | None:
-        """The curvature (1/m) at which a car's steered wheels stand at the start, if that is given."""
+    def _begin(self, guess: Guess) -> State:
+        """At rest where a guess begins, a car's wheels steered as the problem says, if it does."""
+        still = np.zeros(guess.coordinates.shape[1])
+        begin = State(Pose(*guess.pose[0].tolist()), still, still, "all")
+        if self._coordinates != "car":
+            return begin
         law, steering = self.problem.robot.drive.rolling_law(), self.problem.steering
-        if steering is None or self._coordinates != "car" or not law.steered.any():
-            return None
+        if steering is None or not law.steered.any():
+            return begin._replace(given="rest")
         x, y = law.points[law.steered].T
         # Each wheel's own centre on the rear axle's line: x / tan δ = 1/k - y.
         tangent = np.tan(np.clip(steering, -1.5, 1.5))
         most = 1 / self._turning_radius
-        return float(np.clip(np.mean(tangent / (x + y * tangent)), -most, most))
+        bend = float(np.clip(np.mean(tangent / (x + y * tangent)), -most, most))
+        return begin._replace(coordinates=np.array([0.0, bend]), given="curvature")
 
     def _guess(self, motion: Phases, knots: int) -> Guess:
         if any(isinstance(phase, Driven) for phase in motion.phases):
             return flowing(motion, self.problem.robot.limits, self._coordinates, knots)
         return sampled(motion, self._coordinates, knots)
 
-    def _solve(self, guess: Guess, planes: Array) -> Phases | None:
-        """The fastest motion near a guess on the right side of planes (n + 1, p, 5), slowed to keep all
-        limits."""
+    def _solve(self, guess: Guess, begin: State, planes: Array) -> Flowing | None:
+        """The fastest motion near a guess, from a state to rest where the guess ends, on the right side of
+        planes (n + 1, p, 5). Between knots it may exceed limits a little."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
         # Of wheels that always turn alike, one will do.
@@ -142,14 +179,14 @@ class Optimizer:
         n = len(guess.time) - 1
         shape = Shape(
             self._coordinates, len(fixed), len(steered), planes.shape[1], n,
-            jerk=bool(np.isfinite(limits.wheel_jerk).any()), held=self._bend is not None,
+            jerk=self._is_jerk_limited, given=begin.given,
             forward=not self.problem.options.reverse,
         )  # fmt: skip
-        # Units: the extent of the motion and its present duration. The origin is the start.
+        # Units: the extent of the motion and its present duration. The origin is where it begins.
         length = max(float(np.ptp(guess.pose[:, :2], axis=0).max()), 0.3)
         time = float(guess.time[-1])
         extent = np.array([length, length, 1.0])
-        origin = np.array([guess.pose[0, 0], guess.pose[0, 1], 0.0])
+        origin = np.array([begin.pose.x, begin.pose.y, 0.0])
         unit = {
             "twist": extent / time,
             "unicycle": extent[1:] / time,
@@ -163,7 +200,11 @@ class Optimizer:
         nearby[..., 4] -= planes[..., :2] @ origin[:2]
         nearby[..., 2:] /= length
         parameters = {
-            "start": (guess.pose[0] - origin) / extent, "goal": (guess.pose[-1] - origin) / extent,
+            "start": np.concatenate([
+                (begin.pose - origin) / extent, begin.coordinates / unit,
+                *([begin.rates / unit * time] if shape.jerk else []),
+            ]),
+            "goal": (guess.pose[-1] - origin) / extent,
             "rate": law.rows[fixed] * extent / time / limits.wheel_speed[fixed, None],
             "x": law.points[steered, 0] / length, "y": law.points[steered, 1] / length,
             "speed": length / time / (law.radius[steered] * limits.wheel_speed[steered]),
@@ -174,7 +215,7 @@ class Optimizer:
                 length / time / limits.linear_speed, 1 / time / most,
                 length / time**2 / limits.linear_acceleration, length / time**2 / limits.lateral_acceleration,
             ],
-            "bend": length * (self._bend or 0.0), "planes": nearby,
+            "planes": nearby,
         }  # fmt: skip
         q = guess.coordinates / unit
         rates = np.gradient(q, 1 / n, axis=0)
@@ -190,47 +231,55 @@ class Optimizer:
         change, bow = np.diff(coordinates, axis=0) * n / duration, np.zeros((n, shape.size))
         if shape.jerk:
             change, bow = x[:-1, 3 + shape.size : 3 + 2 * shape.size] * unit / time, u * unit / time**2 / 2
-        return self._slowed(
-            Pose(*guess.pose[0].tolist()), np.linspace(0.0, duration, n + 1),
-            np.stack([coordinates[:-1], change, bow], 1),
+        return Flowing(
+            begin.pose, np.linspace(0.0, duration, n + 1), np.stack([coordinates[:-1], change, bow], 1),
+            self._coordinates == "car", None, limits.steering_angle,
         )  # fmt: skip
 
-    def _slowed(self, start: Pose, time: Array, coefficients: Array) -> Phases | None:
-        """The motion of Flowing, slowed down as a whole by as much as it exceeds any limit."""
+    def _slowed(self, runs: list[Flowing]) -> Phases | None:
+        """Motions one after the other, each slowed down by as much as it exceeds any limit and preceded by
+        what steering at rest it needs."""
         drive, limits, steering = self.problem.robot.drive, self.problem.robot.limits, self.problem.steering
-        curves = self._coordinates == "car"
-
-        def flow(slower: float) -> Flowing:
-            scaled = coefficients / slower ** np.arange(3.0)[:, None]
-            scaled[..., : 1 if curves else None] /= slower
-            return Flowing(start, time * slower, scaled, curves, steering, limits.steering_angle)
-
+        phases: list[Phase] = []
         try:
-            slower = _excess(Phases(drive, (flow(1.0),)), time, limits)
-            if not slower < 1.5:
-                return None
-            motion = flow(slower)
-            lead: list[Phase] = []
-            if steering is not None and drive.steers_at_rest:
-                needed = Phases(drive, (motion,)).sample(np.array([0.0, motion.duration])).steering_angle[0]
-                change = float(np.abs(needed - steering).max())
-                if change > 1e-12:
-                    lead.append(Steer(start, steering, needed, change / limits.steering_rate))
+            for run in runs:
+                given = replace(run, steering=steering)
+                slower = _excess(Phases(drive, (given,)), run.time, limits)
+                if not slower < 1.5:
+                    return None
+                phases.append(_slowed_by(given, slower))
+                if steering is None and len(runs) == 1:
+                    continue
+                motion = Phases(drive, (phases[-1],))
+                first, last = motion.sample(np.array([0.0, motion.duration])).steering_angle
+                if steering is not None and drive.steers_at_rest:
+                    change = float(np.abs(first - steering).max())
+                    if change > 1e-12:
+                        lead = Steer(run.start, steering, first, change / limits.steering_rate)
+                        phases.insert(-1, lead)
+                steering = last
         except InadmissibleTwist:
             return None
-        return Phases(drive, (*lead, motion))
+        return Phases(drive, tuple(phases))
+
+
+def _slowed_by(motion: Flowing, slower: float) -> Flowing:
+    scaled = motion.coefficients / slower ** np.arange(3.0)[:, None]
+    scaled[..., : 1 if motion.curves else None] /= slower
+    return replace(motion, time=motion.time * slower, coefficients=scaled)
 
 
 def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
     stops = any(isinstance(phase, Driven) for phase in motion.phases)
     time = flowing_time(motion, limits) if stops else motion.duration
-    wanted = max(time / _INTERVAL, _length(motion) / spacing)
-    return next((n for n in _KNOTS if wanted <= n), _KNOTS[-1])
+    fine = motion.sample(np.linspace(0.0, motion.duration, max(200, math.ceil(motion.duration / 0.1))))
+    wanted = max(time / _INTERVAL, _way(fine.pose) / spacing)
+    most = math.ceil(wanted) if math.isfinite(spacing) else _KNOTS[-1]
+    return next((n for n in _KNOTS if wanted <= n), most)
 
 
-def _length(motion: Phases) -> float:
-    """Way (m) of the body origin."""
-    pose = motion.sample(np.linspace(0.0, motion.duration, 200)).pose
+def _way(pose: Array) -> float:
+    """Way (m) of the body origin along poses (n, 3)."""
     return float(np.hypot(*np.diff(pose[:, :2], axis=0).T).sum())
 
 

@@ -31,7 +31,9 @@ from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["excess", "hastened", "retimed"]
 
-_SIZES = (128, 160, 192, 224, 256, 320, 384)
+_SIZES = (128, 160, 192, 224, 256, 320, 384, 512, 768, 1024)
+_SPREAD = 384
+"""Intervals at most where no more of them are given."""
 _SPACING = 0.4
 """Between stations, in units of the time that acceleration takes to build up."""
 _INSIDE = 4
@@ -184,7 +186,7 @@ def _rates(phase: Phase, stations: Array, drive: Drive, limits: Limits) -> _Rate
 def _size(duration: float, pieces: int, limits: Limits) -> int:
     """How many intervals to take."""
     ramps = limits.wheel_acceleration / limits.wheel_jerk
-    wanted = max(duration / (_SPACING * float(ramps[ramps > 0].min())), pieces)
+    wanted = max(min(duration / (_SPACING * float(ramps[ramps > 0].min())), _SPREAD), pieces)
     return next((n for n in _SIZES if wanted <= n), _SIZES[-1])
 
 

@@ -13,6 +13,8 @@ from planner.path import Path, Piece, TwistPiece, merge
 __all__ = ["shorten"]
 
 _STATIONS = 24
+"""Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
+than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
 _ROUNDS = 4
 _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
@@ -41,6 +43,9 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     poses, parts = _stations(path)
     n = len(poses)
     first, second = np.triu_indices(n, 1)
+    span = n if n <= 4 * _STATIONS else _STATIONS
+    near = second - first <= span
+    first, second = first[near], second[near]
     motions = connector.motions(poses[first], poses[second])
     # Of neighbours there is one way more: what the path itself does there.
     own = np.full(len(first), np.inf)
@@ -56,16 +61,17 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     reach[0] = 0.0
     by = np.zeros((n, 2, 3), dtype=int)
     for j in range(1, n):
-        edges = pair[:j, j]
+        least = max(0, j - span)
+        edges = pair[least:j, j]
         for before, after in np.ndindex(2, 2):
             begin, end = heads[edges].transpose(2, 0, 1)
             # A way that neither drives forwards nor backwards changes nothing.
             arrives = np.where(end == 0, before, end > 0) == after
             turns = np.where(begin * (2 * before - 1) < 0, connector.reversal, 0.0)
-            total = np.where(arrives, reach[:j, before, None] + times[edges] + turns, np.inf)
+            total = np.where(arrives, reach[least:j, before, None] + times[edges] + turns, np.inf)
             i, way = np.unravel_index(int(total.argmin()), total.shape)
             if total[i, way] < reach[j, after]:
-                reach[j, after], by[j, after] = total[i, way], (i, way, before)
+                reach[j, after], by[j, after] = total[i, way], (least + i, way, before)
     steps: list[Path] = []
     j, head = n - 1, int(reach[n - 1].argmin())
     while j > 0:
@@ -95,7 +101,8 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
 def _stations(path: Path) -> tuple[Array, Path]:
     """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    shares = np.maximum(1, np.floor(_STATIONS * ways / ways.sum())).astype(int)
+    count = max(_STATIONS, ways.sum())
+    shares = np.maximum(1, np.floor(count * ways / ways.sum())).astype(int)
     parts = tuple(
         piece.part(k / n, (k + 1) / n)
         for piece, n in zip(path, shares.tolist(), strict=True)

@@ -209,7 +209,7 @@ _GAUSS_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flowing:
-    """A motion from rest to rest whose coordinates are polynomials in time between knots.
+    """A motion whose coordinates are polynomials in time between knots. A phase is one from rest to rest.
 
     time (n + 1,) s, from 0; coefficients (n, 3, c): over interval i the coordinates are coefficients[i] ·
     (1, u, u²), u = t - time[i]. Coordinates: (vx, vy, omega) the twist; (v, omega); or, where `curves`,
@@ -257,6 +257,12 @@ class Flowing:
         out.twist[rows] = twist[2 * here]
         end: Array = turned[-1]
         return end
+
+    def poses(self, time: Array) -> Array:
+        """Poses (n, 3) at increasing times (n,)."""
+        knots, here = _union(self.time, time)
+        every: Array = self._poses(knots, self.start.theta + self._turned(knots))[here]
+        return every
 
     def _at(self, t: Array) -> tuple[Array, Array]:
         """Coordinates and their rates (n, c) at times t (n,)."""
