@@ -83,6 +83,7 @@ def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> Arra
         if i == len(time) - 1:
             break
         h = time[i + 1] - time[i]
+        turn = 0.0
         for k in range(nodes):
             heading = 0.0
             for j in range(nodes):
@@ -91,14 +92,17 @@ def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> Arra
             c, s, vx, vy = math.cos(heading), math.sin(heading), twist[at + 1 + k, 0], twist[at + 1 + k, 1]
             velocity[k, 0], velocity[k, 1] = c * vx - s * vy, s * vx + c * vy
             path[at + 1 + k, 2], path[at + 1 + k, 3] = heading, time[i] + h * _NODES[k]
-        gained[2] += h * (_WHOLE * twist[at + 1 : at + 1 + nodes, 2]).sum()
+            turn += _WHOLE[k] * twist[at + 1 + k, 2]
+        gained[2] += h * turn
         for axis in range(2):
+            way = 0.0
             for k in range(nodes):
                 part = 0.0
                 for j in range(nodes):
                     part += _PARTS[k, j] * velocity[j, axis]
                 path[at + 1 + k, axis] = path[at, axis] + h * part
-            gained[axis] += h * (_WHOLE * velocity[:, axis]).sum()
+                way += _WHOLE[k] * velocity[k, axis]
+            gained[axis] += h * way
     return path
 
 
