@@ -93,6 +93,11 @@ class Connector(ABC):
         """Whether the body heads where it goes, or against it."""
         return True
 
+    @property
+    def fast_directions(self) -> Array:
+        """Directions (k,) rad in the body frame that a base is faster in than in those beside them."""
+        return np.zeros(0)
+
     @abstractmethod
     def motions(self, a: Array, b: Array) -> Motions:
         """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π."""
@@ -168,6 +173,10 @@ class LineConnector(Connector):
             return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
 
         return Motions(self._rest_to_rest(tangents)[:, None], np.zeros((len(a), 1, 2)), free, path)
+
+    @property
+    def fast_directions(self) -> Array:
+        return self._fast[0]
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         return [self.motions(a, b), *([self._rides(a, b)] if self.flows else [])]

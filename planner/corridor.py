@@ -29,23 +29,20 @@ from planner.tree import HEAD, SIZE, foot, kernel
 
 __all__ = ["half_planes"]
 
-_SPARE = 0.005
-"""Room (m) asked for beyond what is needed, as knots say nothing of the motion between them."""
-
 
 @kernel
-def half_planes(world: World, poses: Array, relaxed: bool, sides: int = 1) -> Array:
+def half_planes(world: World, poses: Array, relaxed: bool, spare: float, sides: int = 1) -> Array:
     """Planes (n, sides·k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m,
     world frame). Two sides: another one for what is nearest on the other side of each disc.
 
     The point (x, y) of the body keeps clear of the obstacle nearest to its disc where n·point >= d. Where
-    `relaxed`, planes that the pose itself does not keep to are moved to where it does. For a footprint
-    that keeps its heading the point is the origin.
+    `relaxed`, planes that the pose itself does not keep to are moved to where it does. spare m: room asked
+    for beyond what is needed. For a footprint that keeps its heading the point is the origin.
     """
     first, last = int(world[DISCS]), int(world[WALLS])
     count = (last - first) // 4
     planes = np.zeros((len(poses), sides * count, 5))
-    reach = world[RADIUS] + world[MIN_CLEARANCE] + _SPARE
+    reach = world[RADIUS] + world[MIN_CLEARANCE] + spare
     for i in range(len(poses)):
         x, y, theta = to_local(world, poses[i, 0], poses[i, 1], poses[i, 2])
         heading = footprint_heading(world, theta)

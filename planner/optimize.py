@@ -26,7 +26,8 @@ __all__ = ["Optimizer"]
 _KNOTS = (16, 24, 32, 48, 64, 96)
 _INTERVAL, _SPACING = 0.3, 0.35
 """Time (s), and among obstacles way (m), between knots to aim at."""
-_TRIES = 3
+_SPARE = (0.005, 0.015, 0.04)
+"""Room (m) asked for at knots, which say nothing of the motion between them; more where it hit something."""
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _SLOWED = 1.05
@@ -101,9 +102,12 @@ class Optimizer:
     def _in_corridor(self, guess: Guess, begin: State, sides: int) -> Flowing | None:
         """The fastest free motion on the same side of all obstacles as a guess, whose poses are free; see
         half_planes for sides."""
-        planes = half_planes(self.world.kernel, guess.pose, True, sides)
-        near = planes
-        for _ in range(_TRIES):
+        met = None
+        for spare in _SPARE:
+            near = half_planes(self.world.kernel, guess.pose, True, spare, sides)
+            if met is not None:
+                # Beside the obstacles near the motion, those that the last answer ran into.
+                near = np.concatenate([near, half_planes(self.world.kernel, met, False, spare, sides)], 1)
             found = self._solve(guess, begin, near)
             if found is None:
                 return None
@@ -111,9 +115,7 @@ class Optimizer:
                 return found
             if self.is_over():
                 break
-            # Beside the obstacles near the motion, those that the answer ran into.
             met = found.poses(found.time)
-            near = np.concatenate([planes, half_planes(self.world.kernel, met, False, sides)], 1)
         return None
 
     def _is_free(self, motion: Flowing) -> bool:

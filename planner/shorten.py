@@ -1,14 +1,17 @@
-"""Path → quicker Path: shortcuts between poses along it, every one checked, chosen together by their time."""
+"""Path → quicker Path: shortcuts between poses along it, chosen together by their time; those chosen are
+checked."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drives.se2 import Array, Pose
 from planner.connect import Connector
 from planner.path import Path, Piece, TwistPiece, merge
+from planner.tree import kernel
 
 __all__ = ["shorten"]
 
@@ -40,46 +43,94 @@ def shorten(path: Path, connector: Connector) -> Path:
 
 
 def _shortcut(path: Path, connector: Connector) -> Path:
-    poses, parts = _stations(path)
-    n = len(poses)
-    first, second = np.triu_indices(n, 1)
+    stations, parts = _stations(path)
+    poses, station = _turned(stations, connector)
+    n = len(stations)
     span = n if n <= 4 * _STATIONS else _STATIONS
-    near = second - first <= span
-    first, second = first[near], second[near]
+    ahead = station[None] - station[:, None]
+    first, second = np.nonzero((ahead > 0) & (ahead <= span))
+    order = np.argsort(station[second], kind="stable")
+    first, second = first[order], second[order]
     motions = connector.motions(poses[first], poses[second])
     # Of neighbours there is one way more: what the path itself does there.
+    here = np.flatnonzero((second == first + 1) & (second < n))
     own = np.full(len(first), np.inf)
-    own[second == first + 1] = connector.durations(parts)
+    own[here] = connector.durations(parts)[first[here]]
     heads = np.zeros((len(first), 1, 2))
-    heads[second == first + 1] = [[[_heads(part)] * 2] for part in parts]
-    times = np.column_stack([np.where(motions.free(), motions.times, np.inf), own])
-    heads = np.concatenate([motions.heads, heads], 1)
-    pair = np.zeros((n, n), dtype=int)
-    pair[first, second] = np.arange(len(first))
-    # The least time to every pose, arriving backwards or forwards.
-    reach = np.full((n, 2), np.inf)
+    heads[here] = np.array([_heads(part) for part in parts])[first[here], None, None]
+    times, heads = np.column_stack([motions.times, own]), np.concatenate([motions.heads, heads], 1)
+    known = np.zeros(times.shape, dtype=np.bool_)
+    known[here, -1] = True
+    while True:
+        edges, ways = _quickest(first, second, times, heads, n - 1, connector.reversal)
+        asked = [key for key in zip(edges.tolist(), ways.tolist(), strict=True) if not known[key]]
+        for i, way in asked:
+            known[i, way] = motions.free(slice(i, i + 1), slice(way, way + 1))[0, 0]
+            if not known[i, way]:
+                times[i, way] = np.inf
+        if all(known[key] for key in asked):
+            break
+    steps: list[Path] = [
+        (parts[first[i]],) if way == motions.times.shape[1] else motions.path(i, way)
+        for i, way in zip(edges.tolist(), ways.tolist(), strict=True)
+    ]
+    return _unwrapped(path[0].start, steps)
+
+
+def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.intp]]:
+    """Poses (m, 3) that may be passed, the stations (n, 3) first, and the station (m,) that each is at.
+
+    A base that need not head where it goes may also head as it does at the start or the goal, or so that it
+    is fast in the direction of the path.
+    """
+    n = len(stations)
+    if connector.steers or not connector.flows:
+        return stations, np.arange(n)
+    step = stations[2:, :2] - stations[:-2, :2]
+    course, heading = np.arctan2(step[:, 1], step[:, 0]), stations[1:-1, 2]
+    turns = [np.full(n - 2, theta) for theta in (stations[0, 2], stations[-1, 2])]
+    fast = connector.fast_directions
+    if len(fast):
+        off = np.remainder(course[:, None] - fast - heading[:, None] + math.pi, math.tau) - math.pi
+        turns.append(heading + off[np.arange(n - 2), np.abs(off).argmin(1)])
+    variants = [np.column_stack([stations[1:-1, :2], turn]) for turn in turns]
+    every = [np.arange(n), *(np.arange(1, n - 1) for _ in variants)]
+    return np.concatenate([stations, *variants]), np.concatenate(every)
+
+
+@kernel
+def _quickest(
+    first: NDArray[np.intp], second: NDArray[np.intp], times: Array, heads: Array, goal: int, reversal: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The edges and ways that lead from pose 0 to the goal in the least time.
+
+    Edge e leads from pose first[e] to second[e]; no later edge leads to where it begins. times (e, ways) s,
+    heads (e, ways, 2) as of Motions. reversal s: of a change of direction.
+    """
+    n = max(second.max(), first.max()) + 1
+    reach = np.full((n, 2), np.inf)  # arriving backwards, forwards
     reach[0] = 0.0
-    by = np.zeros((n, 2, 3), dtype=int)
-    for j in range(1, n):
-        least = max(0, j - span)
-        edges = pair[least:j, j]
-        for before, after in np.ndindex(2, 2):
-            begin, end = heads[edges].transpose(2, 0, 1)
-            # A way that neither drives forwards nor backwards changes nothing.
-            arrives = np.where(end == 0, before, end > 0) == after
-            turns = np.where(begin * (2 * before - 1) < 0, connector.reversal, 0.0)
-            total = np.where(arrives, reach[least:j, before, None] + times[edges] + turns, np.inf)
-            i, way = np.unravel_index(int(total.argmin()), total.shape)
-            if total[i, way] < reach[j, after]:
-                reach[j, after], by[j, after] = total[i, way], (least + i, way, before)
-    steps: list[Path] = []
-    j, head = n - 1, int(reach[n - 1].argmin())
-    while j > 0:
-        i, way, before = by[j, head].tolist()
-        k = int(pair[i, j])
-        steps.append((parts[i],) if way == motions.times.shape[1] else motions.path(k, way))
-        j, head = i, before
-    return _unwrapped(path[0].start, steps[::-1])
+    by = np.zeros((n, 2, 3), dtype=np.intp)
+    for e in range(len(first)):
+        i, j = first[e], second[e]
+        for way in range(times.shape[1]):
+            for before in range(2):
+                total = reach[i, before] + times[e, way]
+                begin, end = heads[e, way, 0], heads[e, way, 1]
+                if begin * (2 * before - 1) < 0.0:
+                    total += reversal
+                # A way that neither drives forwards nor backwards changes nothing.
+                after = before if end == 0.0 else int(end > 0.0)
+                if total < reach[j, after]:
+                    reach[j, after] = total
+                    by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
+    edges, ways = np.empty(n, np.intp), np.empty(n, np.intp)
+    j, head, count = goal, int(reach[goal, 1] < reach[goal, 0]), 0
+    while j != 0:
+        e, way, before = by[j, head]
+        edges[count], ways[count] = e, way
+        j, head, count = first[e], before, count + 1
+    return edges[:count][::-1].copy(), ways[:count][::-1].copy()
 
 
 def _heads(piece: Piece) -> float:
