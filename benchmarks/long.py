@@ -113,7 +113,7 @@ def report(robot: Robot, length: float, repeat: int, base: list[float]) -> list[
         problem.environment, robot.footprint, fixed_heading=robot.drive.fixed_body_heading
     )
     local = connector(robot, world, problem.options)
-    optimizer = Optimizer(problem, world, lambda: False)
+    optimizer = Optimizer(problem, world, lambda _: False)
     _, shortening = clocked(lambda: shorten(path, local), repeat)
     timed, timing = clocked(lambda: time_path(path, robot.drive, robot.limits), repeat)
     faster, optimizing = clocked(lambda: optimizer.faster(timed, 1, alone=False), repeat)

@@ -78,7 +78,8 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
             found.append(near)
             # A search often finds the same way again.
             duration = round(near.timed.duration, 6)
-            if duration not in known and not watch.is_over() and not optimize(near, _BEST_ROUNDS):
+            over = watch.is_over(optimizer.longest)
+            if duration not in known and not over and not optimize(near, _BEST_ROUNDS):
                 bow(near)
             known.add(duration)
     else:
@@ -128,6 +129,8 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
     for planner, path in ways:
         watch.lap("search")
         if planner != "direct":
+            if count and watch.is_over():
+                break
             path = shorten(path, local)
             watch.lap("shorten")
         try:

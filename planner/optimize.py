@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from time import perf_counter
 
 import numpy as np
 
@@ -41,12 +42,18 @@ class Optimizer:
     """Direct optimization of one problem's motions: pose, wheel rates and steering at once, obstacles kept
     clear of.
 
-    is_over: whether to give up.
+    is_over: whether to give up, as less time is left than given (s).
     """
 
     problem: Problem
     world: CollisionWorld
-    is_over: Callable[[], bool]
+    is_over: Callable[[float], bool]
+    _took: list[float] = field(default_factory=list)
+
+    @property
+    def longest(self) -> float:
+        """Time (s) that the longest solve took so far."""
+        return max(self._took, default=0.0)
 
     def faster(self, motion: Phases, rounds: int, alone: bool) -> Phases | None:
         """The fastest free motion found near a free one, within all limits; None where that is no faster.
@@ -72,7 +79,7 @@ class Optimizer:
                 break
             done = near.duration > _GAIN * best.duration
             best = near
-            if done or self.is_over():
+            if done or self.is_over(self.longest):
                 break
         return None if best is motion else best
 
@@ -91,7 +98,7 @@ class Optimizer:
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
         # Along aisles what is nearest is now on one side, now on the other.
-        found = None if self.is_over() else self._in_corridor(guess, begin, 2)
+        found = None if self.is_over(self.longest) else self._in_corridor(guess, begin, 2)
         made = None if found is None else self._slowed([found])
         if found is None or made is None:
             return None
@@ -113,7 +120,7 @@ class Optimizer:
                 return None
             if self._is_free(found):
                 return found
-            if self.is_over():
+            if self.is_over(self.longest):
                 break
             met = found.poses(found.time)
         return None
@@ -224,7 +231,9 @@ class Optimizer:
         first = np.column_stack(
             [(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)]
         )
+        begin_of_solve = perf_counter()
         answer = solver(shape).solve(parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n)
+        self._took.append(perf_counter() - begin_of_solve)
         if answer is None:
             return None
         x, u = answer

@@ -4,6 +4,7 @@ checked."""
 from __future__ import annotations
 
 import math
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ __all__ = ["shorten"]
 _STATIONS = 24
 """Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
 than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
+_LAZY = 40
+"""How often a choice may turn out not to be free before all motions are checked."""
 _ROUNDS = 4
 _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
@@ -61,7 +64,10 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     times, heads = np.column_stack([motions.times, own]), np.concatenate([motions.heads, heads], 1)
     known = np.zeros(times.shape, dtype=np.bool_)
     known[here, -1] = True
-    while True:
+    for attempt in count():
+        if attempt == _LAZY:
+            known[:, :-1] = motions.free()
+            times[~known] = np.inf
         edges, ways = _quickest(first, second, times, heads, n - 1, connector.reversal)
         asked = [key for key in zip(edges.tolist(), ways.tolist(), strict=True) if not known[key]]
         for i, way in asked:
@@ -125,12 +131,12 @@ def _quickest(
                     reach[j, after] = total
                     by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
     edges, ways = np.empty(n, np.intp), np.empty(n, np.intp)
-    j, head, count = goal, int(reach[goal, 1] < reach[goal, 0]), 0
+    j, head, length = goal, int(reach[goal, 1] < reach[goal, 0]), 0
     while j != 0:
         e, way, before = by[j, head]
-        edges[count], ways[count] = e, way
-        j, head, count = first[e], before, count + 1
-    return edges[:count][::-1].copy(), ways[:count][::-1].copy()
+        edges[length], ways[length] = e, way
+        j, head, length = first[e], before, length + 1
+    return edges[:length][::-1].copy(), ways[:length][::-1].copy()
 
 
 def _heads(piece: Piece) -> float:
@@ -152,8 +158,8 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
 def _stations(path: Path) -> tuple[Array, Path]:
     """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    count = max(_STATIONS, ways.sum())
-    shares = np.maximum(1, np.floor(count * ways / ways.sum())).astype(int)
+    wanted = max(_STATIONS, ways.sum())
+    shares = np.maximum(1, np.floor(wanted * ways / ways.sum())).astype(int)
     parts = tuple(
         piece.part(k / n, (k + 1) / n)
         for piece, n in zip(path, shares.tolist(), strict=True)

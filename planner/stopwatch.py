@@ -15,8 +15,9 @@ class Stopwatch:
         self._budget = budget
         self._laps: dict[str, float] = {}
 
-    def is_over(self) -> bool:
-        return time.perf_counter() - self._begin >= self._budget
+    def is_over(self, needed: float = 0.0) -> bool:
+        """Whether less than `needed` (s) is left."""
+        return time.perf_counter() - self._begin + needed >= self._budget
 
     def lap(self, stage: str) -> None:
         now = time.perf_counter()
