@@ -18,11 +18,11 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from drives.se2 import Pose, compose
-from planner.collision import REACH
 from planner.connect import Connector
-from planner.guide import Guide, Route
+from planner.guide import Guide
 from planner.path import Path, merge
 from planner.problem import Environment
+from planner.route import Route
 
 __all__ = ["Search"]
 
@@ -40,9 +40,8 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 three repeat, with more each time."""
-_STRIDE, _BESIDE, _BEYOND = 12.0, 2.0, 2.0
-"""Along a route, in reaches of the footprint: the longest motion, and room for poses beside it and past its
-ends."""
+_STRIDE, _BEYOND = 12.0, 2.0
+"""Along a route, in reaches of the footprint: the longest motion, and room for poses past its ends."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
@@ -124,7 +123,7 @@ class Search:
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
         if route is not None:
-            planner.setRange(_STRIDE * float(world.kernel[REACH]))
+            planner.setRange(_STRIDE * route.reach)
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -163,11 +162,9 @@ class Search:
 
     def _beside(self, route: Route) -> Any:
         """The space of a route's coordinates."""
-        reach = float(self.connector.world.kernel[REACH])
+        beyond, beside = _BEYOND * route.reach, route.beside
         space = ob.SE2StateSpace()
-        space.setBounds(_bounds(
-            (-_BEYOND * reach, route.length + _BEYOND * reach), (-_BESIDE * reach, _BESIDE * reach)
-        ))  # fmt: skip
+        space.setBounds(_bounds((-beyond, route.length + beyond), (-beside, beside)))
         return space
 
     def _rebuild(self, found: Any, pose: Callable[..., Pose]) -> Path | None:
