@@ -18,6 +18,7 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from drives.se2 import Pose, compose
+from planner.collision import RADIUS, REACH
 from planner.connect import Connector
 from planner.guide import Guide
 from planner.path import Path, merge
@@ -32,16 +33,17 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 150, False),
     ("RRTConnect", 1_000, True),
     ("RRTConnect", 2_000, True),
+    ("BKPIECE1", 4_000, False),
     ("RRTConnect", 2_000, False),
-    ("KPIECE1", 4_000, False),
     ("RRTConnect", 16_000, True),
     ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 three repeat, with more each time."""
-_STRIDE, _BEYOND = 12.0, 2.0
-"""Along a route, in reaches of the footprint: the longest motion, and room for poses past its ends."""
+_STRIDE, _STEP, _BEYOND = 12.0, 1.0, 2.0
+"""In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
+slots by many small ones; room for poses past a route's ends."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
@@ -124,6 +126,8 @@ class Search:
         planner = getattr(og, name)(information)
         if route is not None:
             planner.setRange(_STRIDE * route.reach)
+        elif name == "BKPIECE1":
+            planner.setRange(_STEP * float(world.kernel[REACH] + world.kernel[RADIUS]))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
