@@ -81,11 +81,11 @@ class Guide:
         if len(way) < 2:
             return None
         self._used.append(way)
-        way = self._led(_smooth(world, way, self._radius, self._roomy, self._spacing), along)
+        way, tight = self._led(_smooth(world, way, self._radius, self._roomy, self._spacing), along)
         out = way @ np.array([[world[COS], world[SIN]], [-world[SIN], world[COS]]]) + world[[X, Y]]
         fixed = None if math.isnan(world[HEADING]) else float(world[HEADING] + world[YAW])
         point = float(world[INNER_X]), float(world[INNER_Y])
-        return Route(out, point, self._roomy, fixed, self.start, along)
+        return Route(out, point, self._roomy, fixed, self.start, along, tight)
 
     def _shortest(self) -> Array:
         """A new way (n, 2), own frame, of lattice nodes; none: empty."""
@@ -95,18 +95,19 @@ class Guide:
         way: Array = _astar(self.world, *sizes, self._aligned, *ends[0], *ends[1], used)
         return way
 
-    def _led(self, way: Array, along: bool) -> Array:
-        """The way (n, 2), straight into passages and out of them until the footprint may turn, own frame.
+    def _led(self, way: Array, along: bool) -> tuple[Array, bool]:
+        """The way (n, 2), straight into passages and out of them until the footprint may turn, own frame, and
+        whether there are any.
 
         Where headings go along, so is what leads out of the start and into the goal.
         """
         at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
         room = _rooms(self.world, way, self._roomy)
         begin, end, n = 0, len(way), len(way)
-        parts, last = [], way[n:]
+        parts, last, led = [], way[n:], False
         if along:
             first, last = self._straight(way, self.start), self._straight(way[::-1], self.goal)
-            parts = [way[:1], first]
+            parts, led = [way[:1], first], len(first) + len(last) > 0
             begin = max(1, int(np.searchsorted(at, _long(first, way[0]))))
             end = min(n - 1, int(np.searchsorted(at, at[-1] - _long(last, way[-1]))))
         tight = np.concatenate([[False], room < self._radius + self._spacing / 2, [False]])
@@ -119,9 +120,9 @@ class Guide:
             into, out = self._out(way[i0], way[a] - way[a + 1]), self._out(way[j0], way[b] - way[b - 1])
             parts += [way[begin : np.searchsorted(at, at[i0] - _long(into, way[i0]))], into[::-1]]
             parts += [way[i0 : j0 + 1], out]
-            begin = int(np.searchsorted(at, at[j0] + _long(out, way[j0])))
+            begin, led = int(np.searchsorted(at, at[j0] + _long(out, way[j0]))), True
         parts += [way[begin:end], last[::-1], way[-1:]]
-        return _apart(np.concatenate(parts))
+        return _apart(np.concatenate(parts)), led
 
     def _straight(self, way: Array, pose: Pose) -> Array:
         """What leads straight out of a pose (client's frame) where the way (n, 2) from there does."""

@@ -13,10 +13,10 @@ from drives.se2 import Array, Pose
 
 __all__ = ["Route"]
 
-_ON = 0.3
-"""How many, of all draws, lie on the way itself, and how many head just along it or against it."""
-_POWER = 2.0
-"""How much rarer the others are the farther they are off."""
+_OPEN, _TIGHT = (0.1, 1.5), (0.3, 2.0)
+"""Where a way leads through open ground, and where through passages: the share of all draws that lie on the
+way itself (and, of headings, just along it or against it), and the power by which the others, from 0 to 1,
+are drawn to it."""
 _BESIDE = 2.0
 """Room for poses beside a route, in reaches of the footprint."""
 
@@ -29,7 +29,8 @@ class Route:
 
     point: body frame, m. reach: how far the footprint reaches, m. fixed: the footprint's heading (rad, world
     frame) where it keeps one. along: whether headings count from the way's, and many are just its or against
-    it; else from first to last, evenly.
+    it; else from first to last, evenly. tight: whether the way leads through passages in which the footprint
+    cannot turn.
     """
 
     way: Array
@@ -38,6 +39,7 @@ class Route:
     fixed: float | None
     start: Pose
     along: bool
+    tight: bool
 
     @cached_property
     def beside(self) -> float:
@@ -80,8 +82,8 @@ class Route:
         theta = self.start.theta + angle
         if self.along:
             nearest = round(angle / math.pi) * math.pi
-            theta = math.atan2(d, c) + nearest + math.pi / 2 * _drawn((angle - nearest) * 2 / math.pi)
-        left = self.beside * _drawn(left / self.beside)
+            theta = math.atan2(d, c) + nearest + math.pi / 2 * self._drawn((angle - nearest) * 2 / math.pi)
+        left = self.beside * self._drawn(left / self.beside)
         ox, oy = self._offset(theta)
         return Pose(x - left * d - ox, y + left * c - oy, theta)
 
@@ -93,9 +95,15 @@ class Route:
         angle = math.remainder(pose.theta - math.atan2(d, c), math.tau)
         nearest = round(angle / math.pi) * math.pi
         off = (angle - nearest) * 2 / math.pi
-        return s, 0.0, nearest + math.copysign(_ON + (1 - _ON) * abs(off) ** (1 / _POWER), off) * math.pi / 2
+        on, power = self._draws
+        even = on + (1 - on) * abs(off) ** (1 / power)
+        return s, 0.0, nearest + math.copysign(even, off) * math.pi / 2
 
+    @property
+    def _draws(self) -> tuple[float, float]:
+        return _TIGHT if self.tight else _OPEN
 
-def _drawn(even: float) -> float:
-    """From -1 to 1, of even draws from -1 to 1: none where they are small."""
-    return math.copysign(max(0.0, (abs(even) - _ON) / (1 - _ON)) ** _POWER, even)
+    def _drawn(self, even: float) -> float:
+        """From -1 to 1, of even draws from -1 to 1: none where they are small."""
+        on, power = self._draws
+        return math.copysign(max(0.0, (abs(even) - on) / (1 - on)) ** power, even)

@@ -87,7 +87,7 @@ def test_the_point_of_the_footprint_lies_beside_the_way(
     s: float, left: float, angle: float, along: bool
 ) -> None:
     way = np.array([[0.0, 0.0], [5.0, 0.0]])
-    route = Route(way, (0.35, 0.1), 1.0, None, START, along)
+    route = Route(way, (0.35, 0.1), 1.0, None, START, along, True)
     x, y, theta = route.pose(s, left, angle)
     c, d = math.cos(theta), math.sin(theta)
     off = y + d * 0.35 + c * 0.1
@@ -98,13 +98,13 @@ def test_the_point_of_the_footprint_lies_beside_the_way(
 
 @given(st.floats(-math.pi, math.pi))
 def test_a_heading_has_a_coordinate(theta: float) -> None:
-    route = Route(np.array([[0.0, 0.0], [3.0, 4.0]]), (0.0, 0.0), 1.0, None, START, True)
+    route = Route(np.array([[0.0, 0.0], [3.0, 4.0]]), (0.0, 0.0), 1.0, None, START, True, True)
     back = route.pose(*route.coordinates(Pose(0.0, 0.0, theta), 0.0)).theta
     assert math.remainder(back - theta, math.tau) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_many_draws_lie_on_the_route_and_head_along_it_or_against_it() -> None:
-    route = Route(np.array([[0.0, 0.0], [5.0, 0.0]]), (0.0, 0.0), 1.0, None, START, True)
+    route = Route(np.array([[0.0, 0.0], [5.0, 0.0]]), (0.0, 0.0), 1.0, None, START, True, True)
     angles = np.linspace(-math.pi, math.pi, 2001)
     headings = np.array([route.pose(1.0, 0.0, float(angle)).theta for angle in angles])
     assert (np.diff(headings) >= 0).all()
