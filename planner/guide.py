@@ -71,7 +71,7 @@ class Guide:
         self._aligned = False
         self._used: list[Array] = []
 
-    def route(self, along: bool) -> Route | None:
+    def route(self, along: bool, backwards: bool = True) -> Route | None:
         """The next one, or None where the lattice has none, even one whose nodes keep off the walls."""
         world = self.world
         way = self._shortest()
@@ -85,7 +85,7 @@ class Guide:
         out = way @ np.array([[world[COS], world[SIN]], [-world[SIN], world[COS]]]) + world[[X, Y]]
         fixed = None if math.isnan(world[HEADING]) else float(world[HEADING] + world[YAW])
         point = float(world[INNER_X]), float(world[INNER_Y])
-        return Route(out, point, self._roomy, fixed, self.start, along, tight)
+        return Route(out, point, self._roomy, fixed, self.start, along, tight, backwards)
 
     def _shortest(self) -> Array:
         """A new way (n, 2), own frame, of lattice nodes; none: empty."""

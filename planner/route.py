@@ -30,7 +30,7 @@ class Route:
     point: body frame, m. reach: how far the footprint reaches, m. fixed: the footprint's heading (rad, world
     frame) where it keeps one. along: whether headings count from the way's, and many are just its or against
     it; else from first to last, evenly. tight: whether the way leads through passages in which the footprint
-    cannot turn.
+    cannot turn. backwards: whether many head against it, too.
     """
 
     way: Array
@@ -40,6 +40,7 @@ class Route:
     start: Pose
     along: bool
     tight: bool
+    backwards: bool = True
 
     @cached_property
     def beside(self) -> float:
@@ -81,8 +82,8 @@ class Route:
         x, y, c, d = self._leg(s)
         theta = self.start.theta + angle
         if self.along:
-            nearest = round(angle / math.pi) * math.pi
-            theta = math.atan2(d, c) + nearest + math.pi / 2 * self._drawn((angle - nearest) * 2 / math.pi)
+            nearest = round(angle / (2 * self._most)) * 2 * self._most
+            theta = math.atan2(d, c) + nearest + self._most * self._drawn((angle - nearest) / self._most)
         left = self.beside * self._drawn(left / self.beside)
         ox, oy = self._offset(theta)
         return Pose(x - left * d - ox, y + left * c - oy, theta)
@@ -93,11 +94,16 @@ class Route:
         if not self.along:
             return s, 0.0, math.remainder(pose.theta - self.start.theta, math.tau)
         angle = math.remainder(pose.theta - math.atan2(d, c), math.tau)
-        nearest = round(angle / math.pi) * math.pi
-        off = (angle - nearest) * 2 / math.pi
+        nearest = round(angle / (2 * self._most)) * 2 * self._most
+        off = (angle - nearest) / self._most
         on, power = self._draws
         even = on + (1 - on) * abs(off) ** (1 / power)
-        return s, 0.0, nearest + math.copysign(even, off) * math.pi / 2
+        return s, 0.0, nearest + math.copysign(even, off) * self._most
+
+    @property
+    def _most(self) -> float:
+        """How far (rad) headings may be off the nearest of those that are favoured."""
+        return math.pi / 2 if self.backwards else math.pi
 
     @property
     def _draws(self) -> tuple[float, float]:

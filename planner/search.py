@@ -85,7 +85,7 @@ class Search:
             name, work, guided = _TURNS[min(turn, len(_TURNS) - 1 - (len(_TURNS) - 1 - turn) % 3)]
             work *= 2 ** max(0, (turn - len(_TURNS)) // 3 + 1) if turn >= len(_TURNS) else 1
             goal = self.goals[turn % len(self.goals)]
-            route = self._guide(goal).route(self._along(turn)) if guided else None
+            route = self._guide(goal).route(self._along(turn), self.connector.reverse) if guided else None
             turn += 1
             if guided and route is None:
                 continue

@@ -96,9 +96,10 @@ def test_the_point_of_the_footprint_lies_beside_the_way(
     assert off * left >= -1e-12
 
 
-@given(st.floats(-math.pi, math.pi))
-def test_a_heading_has_a_coordinate(theta: float) -> None:
-    route = Route(np.array([[0.0, 0.0], [3.0, 4.0]]), (0.0, 0.0), 1.0, None, START, True, True)
+@given(st.floats(-math.pi, math.pi), st.booleans(), st.booleans())
+def test_a_heading_has_a_coordinate(theta: float, tight: bool, backwards: bool) -> None:
+    way = np.array([[0.0, 0.0], [3.0, 4.0]])
+    route = Route(way, (0.0, 0.0), 1.0, None, START, True, tight, backwards)
     back = route.pose(*route.coordinates(Pose(0.0, 0.0, theta), 0.0)).theta
     assert math.remainder(back - theta, math.tau) == pytest.approx(0.0, abs=1e-9)
 
