@@ -34,7 +34,6 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 1_000, True),
     ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
-    ("RRTConnect", 2_000, False),
     ("RRTConnect", 16_000, True),
     ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
