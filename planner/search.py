@@ -18,11 +18,12 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from drives.se2 import Pose, compose
-from planner.collision import REACH
+from planner.collision import RADIUS, REACH
 from planner.connect import Connector
-from planner.guide import Guide, Route
+from planner.guide import Guide
 from planner.path import Path, merge
 from planner.problem import Environment
+from planner.route import Route
 
 __all__ = ["Search"]
 
@@ -32,17 +33,16 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 150, False),
     ("RRTConnect", 1_000, True),
     ("RRTConnect", 2_000, True),
-    ("RRTConnect", 2_000, False),
-    ("KPIECE1", 4_000, False),
+    ("BKPIECE1", 4_000, False),
     ("RRTConnect", 16_000, True),
     ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 three repeat, with more each time."""
-_STRIDE, _BESIDE, _BEYOND = 12.0, 2.0, 2.0
-"""Along a route, in reaches of the footprint: the longest motion, and room for poses beside it and past its
-ends."""
+_STRIDE, _STEP, _BEYOND = 12.0, 1.0, 2.0
+"""In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
+slots by many small ones; room for poses past a route's ends."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
@@ -84,7 +84,7 @@ class Search:
             name, work, guided = _TURNS[min(turn, len(_TURNS) - 1 - (len(_TURNS) - 1 - turn) % 3)]
             work *= 2 ** max(0, (turn - len(_TURNS)) // 3 + 1) if turn >= len(_TURNS) else 1
             goal = self.goals[turn % len(self.goals)]
-            route = self._guide(goal).route(self._along(turn)) if guided else None
+            route = self._guide(goal).route(self._along(turn), self.connector.reverse) if guided else None
             turn += 1
             if guided and route is None:
                 continue
@@ -124,7 +124,9 @@ class Search:
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
         if route is not None:
-            planner.setRange(_STRIDE * float(world.kernel[REACH]))
+            planner.setRange(_STRIDE * route.reach)
+        elif name == "BKPIECE1":
+            planner.setRange(_STEP * float(world.kernel[REACH] + world.kernel[RADIUS]))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -163,11 +165,9 @@ class Search:
 
     def _beside(self, route: Route) -> Any:
         """The space of a route's coordinates."""
-        reach = float(self.connector.world.kernel[REACH])
+        beyond, beside = _BEYOND * route.reach, route.beside
         space = ob.SE2StateSpace()
-        space.setBounds(_bounds(
-            (-_BEYOND * reach, route.length + _BEYOND * reach), (-_BESIDE * reach, _BESIDE * reach)
-        ))  # fmt: skip
+        space.setBounds(_bounds((-beyond, route.length + beyond), (-beside, beside)))
         return space
 
     def _rebuild(self, found: Any, pose: Callable[..., Pose]) -> Path | None:

@@ -11,6 +11,7 @@ from drives.wheel import Module
 from planner import curves, environment
 from planner.connect import connector
 from planner.environment import CollisionWorld
+from planner.guide import Guide
 from planner.plan import plan
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Polygon, Problem, Robot
 
@@ -44,4 +45,6 @@ def warm_up() -> None:
         )
         plan(problem)
         world = CollisionWorld.build(around, footprint)
-        connector(problem.robot, world, problem.options).edge_free(problem.start, Pose(2.0, 0.0, 0.5))
+        goal = Pose(2.0, 0.0, 0.5)
+        connector(problem.robot, world, problem.options).edge_free(problem.start, goal)
+        Guide(world.kernel, problem.start, goal).route(along=True)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from drives.se2 import Pose
 from planner.environment import CollisionWorld
-from planner.guide import Guide, Route
+from planner.guide import Guide
 from planner.problem import Bounds, Environment, Footprint, Polygon, Problem
+from planner.route import Route
 
 Ask = Callable[..., Problem]
 
@@ -59,8 +60,15 @@ def test_a_second_route_takes_the_other_gap() -> None:
     assert middle[1] > 1.6
 
 
-def test_no_route_through_a_gap_narrower_than_the_disc() -> None:
-    assert guide(wall(0.0, -3.0, -0.29), wall(0.0, 0.29, 3.0)).route(along=True) is None
+def test_no_route_through_a_gap_clearly_narrower_than_the_disc() -> None:
+    assert guide(wall(0.0, -3.0, -0.27), wall(0.0, 0.27, 3.0)).route(along=True) is None
+
+
+@pytest.mark.parametrize("middle", [-0.13, 0.0, 0.1, 0.17])
+def test_a_route_keeps_to_the_middle_of_a_gap_hardly_wider_than_the_disc(middle: float) -> None:
+    route = guide(wall(0.0, -3.0, middle - 0.31), wall(0.0, middle + 0.31, 3.0)).route(along=True)
+    assert route is not None
+    assert np.interp(0.0, *route.way.T) == pytest.approx(middle, abs=0.03)
 
 
 @pytest.mark.parametrize("along", [True, False])
@@ -79,16 +87,32 @@ def test_the_point_of_the_footprint_lies_beside_the_way(
     s: float, left: float, angle: float, along: bool
 ) -> None:
     way = np.array([[0.0, 0.0], [5.0, 0.0]])
-    route = Route(way, (0.35, 0.1), None, START, along)
+    route = Route(way, (0.35, 0.1), 1.0, None, START, along, True)
     x, y, theta = route.pose(s, left, angle)
     c, d = math.cos(theta), math.sin(theta)
+    off = y + d * 0.35 + c * 0.1
     assert x + c * 0.35 - d * 0.1 == pytest.approx(s, abs=1e-12)
-    assert y + d * 0.35 + c * 0.1 == pytest.approx(left, abs=1e-12)
+    assert abs(off) <= abs(left) + 1e-12
+    assert off * left >= -1e-12
 
 
-def test_headings_along_a_route_are_drawn_to_its_direction() -> None:
-    route = Route(np.array([[0.0, 0.0], [5.0, 0.0]]), (0.0, 0.0), None, START, True)
+@given(st.floats(-math.pi, math.pi), st.booleans(), st.booleans())
+def test_a_heading_has_a_coordinate(theta: float, tight: bool, backwards: bool) -> None:
+    way = np.array([[0.0, 0.0], [3.0, 4.0]])
+    route = Route(way, (0.0, 0.0), 1.0, None, START, True, tight, backwards)
+    back = route.pose(*route.coordinates(Pose(0.0, 0.0, theta), 0.0)).theta
+    assert math.remainder(back - theta, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_many_draws_lie_on_the_route_and_head_along_it_or_against_it() -> None:
+    route = Route(np.array([[0.0, 0.0], [5.0, 0.0]]), (0.0, 0.0), 1.0, None, START, True, True)
     angles = np.linspace(-math.pi, math.pi, 2001)
     headings = np.array([route.pose(1.0, 0.0, float(angle)).theta for angle in angles])
-    assert (np.diff(headings) > 0).all()
-    assert np.mean(np.abs(np.sin(headings)) < 0.5) > 0.55  # 1/3 where they are even
+    assert (np.diff(headings) >= 0).all()
+    assert headings[[0, -1]] == pytest.approx([-math.pi, math.pi])
+    assert 0.2 < np.mean(np.sin(headings) ** 2 < 1e-20) < 0.4
+    assert np.mean(np.abs(np.sin(headings)) > 0.5) > 0.2
+    offs = np.array([route.pose(1.0, float(left), 0.0).y for left in np.linspace(-2.0, 2.0, 2001)])
+    assert (np.diff(offs) >= 0).all()
+    assert offs[[0, -1]] == pytest.approx([-2.0, 2.0])
+    assert 0.2 < np.mean(offs == 0.0) < 0.4

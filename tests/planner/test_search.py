@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from drives.se2 import Pose, wrap
+from planner.collision import INNER_RADIUS
 from planner.connect import connector
 from planner.environment import CollisionWorld
 from planner.path import Path
@@ -150,3 +151,28 @@ def test_a_shortened_path_is_free_no_slower_and_joins_the_same_poses(
     for piece, after in itertools.pairwise(shorter):
         assert after.start.theta == pytest.approx(piece.end.theta, abs=1e-9)
     assert sum(piece.length for piece in shorter) < 30.0
+
+
+# ---------------------------------------------------------------- passages
+
+
+def passage(middle: float, gap: float) -> Environment:
+    """Two rooms, and a corridor along x between them."""
+    walls = ((-1.0, -3.0, 1.0, middle - gap / 2), (-1.0, middle + gap / 2, 1.0, 3.0))
+    return Environment(
+        Bounds(-6.0, -3.0, 6.0, 3.0),
+        tuple(Polygon(np.array([[a, b], [c, b], [c, d], [a, d]])) for a, b, c, d in walls),
+    )
+
+
+@pytest.mark.parametrize("kind", ["differential", "omni", "ackermann"])
+@pytest.mark.parametrize("middle", [0.0, 0.37, -0.81])
+def test_a_corridor_hardly_wider_than_the_robot_takes_little_work(ask: Ask, kind: str, middle: float) -> None:
+    start = Pose(-3.5, 0.2, 0.5)
+    problem = ask(kind, start, (3.5, 0.0, -0.4), passage(middle, 0.0))
+    gap = 2 * float(search(problem).connector.world.kernel[INNER_RADIUS] + problem.robot.footprint.radius)
+    problem = ask(kind, start, (3.5, 0.0, -0.4), passage(middle, gap + 0.06))
+    asked = search(problem, (3.5, 0.0, -0.4))
+    (path,) = first(asked, 1)
+    assert is_free(problem, path)
+    assert asked.work < 5_000
