@@ -45,8 +45,10 @@ def keeps_limits(made: Plan) -> bool:
 
 
 def closes(made: Plan) -> bool:
-    """Whether whoever rolls the wheels ends on the goal, to half a millimetre and half a milliradian."""
-    return made.certificate.closure_position < 5e-4 and made.certificate.closure_heading < 5e-4
+    """Whether whoever rolls the wheels ends on the goal, to what the audit allows: half a millimetre and a
+    twentieth of one for every metre, and half a milliradian."""
+    allowed = 5e-4 + 5e-5 * made.length
+    return made.certificate.closure_position < allowed and made.certificate.closure_heading < 5e-4
 
 
 def largest(used: Array, allowed: Array | float) -> float:
