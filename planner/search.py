@@ -39,7 +39,8 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("BKPIECE1", 16_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
-three repeat, with more each time."""
+_REPEATED of them repeat, with twice as many each time."""
+_REPEATED = 3
 _STRIDE, _STEP, _BEYOND = 12.0, 1.0, 2.0
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -81,8 +82,9 @@ class Search:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
         turn = 0
         while not clock() and not self._is_spent(0):
-            name, work, guided = _TURNS[min(turn, len(_TURNS) - 1 - (len(_TURNS) - 1 - turn) % 3)]
-            work *= 2 ** max(0, (turn - len(_TURNS)) // 3 + 1) if turn >= len(_TURNS) else 1
+            again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
+            name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
+            work *= 2**again
             goal = self.goals[turn % len(self.goals)]
             route = self._guide(goal).route(self._along(turn), self.connector.reverse) if guided else None
             turn += 1
