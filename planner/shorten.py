@@ -4,14 +4,15 @@ checked."""
 from __future__ import annotations
 
 import math
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array, Pose
 from planner.connect import Connector
-from planner.path import Path, Piece, TwistPiece, merge
+from planner.edges import motion_free, moved
+from planner.environment import World
+from planner.path import Path, as_path, as_steps, merge
 from planner.tree import kernel
 
 __all__ = ["shorten"]
@@ -19,7 +20,7 @@ __all__ = ["shorten"]
 _STATIONS = 24
 """Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
 than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
-_LAZY = 40
+_LAZY = 200
 """How often a choice may turn out not to be free before all motions are checked."""
 _ROUNDS = 4
 _GAIN = 0.995
@@ -46,7 +47,8 @@ def shorten(path: Path, connector: Connector) -> Path:
 
 
 def _shortcut(path: Path, connector: Connector) -> Path:
-    stations, parts = _stations(path)
+    start, steps, straight = as_steps(path)
+    stations, own = _stations(start, steps, straight)
     poses, station = _turned(stations, connector)
     n = len(stations)
     span = n if n <= 4 * _STATIONS else _STATIONS
@@ -55,32 +57,16 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     order = np.argsort(station[second], kind="stable")
     first, second = first[order], second[order]
     motions = connector.motions(poses[first], poses[second])
-    # Of neighbours there is one way more: what the path itself does there.
-    here = np.flatnonzero((second == first + 1) & (second < n))
-    own = np.full(len(first), np.inf)
-    own[here] = connector.durations(parts)[first[here]]
-    heads = np.zeros((len(first), 1, 2))
-    heads[here] = np.array([_heads(part) for part in parts])[first[here], None, None]
-    times, heads = np.column_stack([motions.times, own]), np.concatenate([motions.heads, heads], 1)
-    known = np.zeros(times.shape, dtype=np.bool_)
-    known[here, -1] = True
-    for attempt in count():
-        if attempt == _LAZY:
-            known[:, :-1] = motions.free()
-            times[~known] = np.inf
-        edges, ways = _quickest(first, second, times, heads, n - 1, connector.reversal)
-        asked = [key for key in zip(edges.tolist(), ways.tolist(), strict=True) if not known[key]]
-        for i, way in asked:
-            known[i, way] = motions.free(slice(i, i + 1), slice(way, way + 1))[0, 0]
-            if not known[i, way]:
-                times[i, way] = np.inf
-        if all(known[key] for key in asked):
-            break
-    steps: list[Path] = [
-        (parts[first[i]],) if way == motions.times.shape[1] else motions.path(i, way)
+    own_times = connector.durations(stations[:-1], own)
+    edges, ways = _quickest_free(
+        connector.world.kernel, first, second, motions.start, motions.times, motions.steps, straight,
+        own, own_times, connector.reversal,
+    )  # fmt: skip
+    parts = [
+        as_path(stations[first[i]], own[first[i]][None], straight) if way < 0 else motions.path(i, way)
         for i, way in zip(edges.tolist(), ways.tolist(), strict=True)
     ]
-    return _unwrapped(path[0].start, steps)
+    return _unwrapped(path[0].start, parts)
 
 
 def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.intp]]:
@@ -105,43 +91,76 @@ def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.in
 
 
 @kernel
-def _quickest(
-    first: NDArray[np.intp], second: NDArray[np.intp], times: Array, heads: Array, goal: int, reversal: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The edges and ways that lead from pose 0 to the goal in the least time.
+def _quickest_free(
+    world: World, first: NDArray[np.intp], second: NDArray[np.intp], start: Array, times: Array, steps: Array,
+    straight: bool, own: Array, own_times: Array, reversal: float,
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:  # fmt: skip
+    """The edges and ways that lead from pose 0 to the goal in the least time and are free.
 
-    Edge e leads from pose first[e] to second[e]; no later edge leads to where it begins. times (e, ways) s,
-    heads (e, ways, 2) as of Motions. reversal s: of a change of direction.
+    Edge e leads from pose first[e] to second[e]; no later edge leads to where it begins. The goal is the last
+    station, which is as many as own has rows and one. start, times, steps, straight: Motions of the edges;
+    own (n - 1, 3), own_times (n - 1,): the free steps from each station to the next, way -1 of the edge there.
+    reversal s: of a change of direction.
     """
+    edges_count, ways_count = times.shape
+    goal = len(own)
     n = max(second.max(), first.max()) + 1
-    reach = np.full((n, 2), np.inf)  # arriving backwards, forwards
-    reach[0] = 0.0
-    by = np.zeros((n, 2, 3), dtype=np.intp)
-    for e in range(len(first)):
-        i, j = first[e], second[e]
-        for way in range(times.shape[1]):
-            for before in range(2):
-                total = reach[i, before] + times[e, way]
-                begin, end = heads[e, way, 0], heads[e, way, 1]
-                if begin * (2 * before - 1) < 0.0:
-                    total += reversal
-                # A way that neither drives forwards nor backwards changes nothing.
-                after = before if end == 0.0 else int(end > 0.0)
-                if total < reach[j, after]:
-                    reach[j, after] = total
-                    by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
+    times = times.copy()
+    known = np.zeros(times.shape, dtype=np.bool_)
+    heads = np.zeros((edges_count, ways_count, 2))
+    if not straight:
+        for e in range(edges_count):
+            for way in range(ways_count):
+                for k in range(steps.shape[2]):
+                    v = steps[e, way, k, 0]
+                    if v != 0.0:
+                        heads[e, way, 1] = v
+                        if heads[e, way, 0] == 0.0:
+                            heads[e, way, 0] = v
+    reach, by = np.empty((n, 2)), np.zeros((n, 2, 3), dtype=np.intp)
     edges, ways = np.empty(n, np.intp), np.empty(n, np.intp)
-    j, head, length = goal, int(reach[goal, 1] < reach[goal, 0]), 0
-    while j != 0:
-        e, way, before = by[j, head]
-        edges[length], ways[length] = e, way
-        j, head, length = first[e], before, length + 1
-    return edges[:length][::-1].copy(), ways[:length][::-1].copy()
-
-
-def _heads(piece: Piece) -> float:
-    """1 where a piece drives forwards, -1 backwards, 0 neither."""
-    return float(np.sign(piece.twist.vx)) if isinstance(piece, TwistPiece) else 0.0
+    attempt = 0
+    while True:
+        if attempt == _LAZY:
+            for e in range(edges_count):
+                for way in range(ways_count):
+                    if not known[e, way] and times[e, way] < np.inf:
+                        known[e, way] = True
+                        if not motion_free(world, start[e], steps[e, way], straight):
+                            times[e, way] = np.inf
+        attempt += 1
+        reach[:] = np.inf  # arriving backwards, forwards
+        reach[0] = 0.0
+        for e in range(edges_count):
+            i, j = first[e], second[e]
+            for way in range(-1 if j == i + 1 and j <= goal else 0, ways_count):
+                if way < 0:
+                    time = own_times[i]
+                    begin = end = 0.0 if straight else own[i, 0]
+                else:
+                    time = times[e, way]
+                    begin, end = heads[e, way, 0], heads[e, way, 1]
+                for before in range(2):
+                    total = reach[i, before] + time
+                    if begin * (2 * before - 1) < 0.0:
+                        total += reversal
+                    # A way that neither drives forwards nor backwards changes nothing.
+                    after = before if end == 0.0 else int(end > 0.0)
+                    if total < reach[j, after]:
+                        reach[j, after] = total
+                        by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
+        j, head, length, found = goal, int(reach[goal, 1] < reach[goal, 0]), 0, True
+        while j != 0:
+            e, way, before = by[j, head]
+            edges[length], ways[length] = e, way
+            if way >= 0 and not known[e, way]:
+                known[e, way] = True
+                if not motion_free(world, start[e], steps[e, way], straight):
+                    times[e, way] = np.inf
+                    found = False
+            j, head, length = first[e], before, length + 1
+        if found:
+            return edges[:length][::-1].copy(), ways[:length][::-1].copy()
 
 
 def _unwrapped(start: Pose, steps: list[Path]) -> Path:
@@ -155,14 +174,23 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
     return merge(pieces)
 
 
-def _stations(path: Path) -> tuple[Array, Path]:
-    """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
-    ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    wanted = max(_STATIONS, ways.sum())
-    shares = np.maximum(1, np.floor(wanted * ways / ways.sum())).astype(int)
-    parts = tuple(
-        piece.part(k / n, (k + 1) / n)
-        for piece, n in zip(path, shares.tolist(), strict=True)
-        for k in range(n)
-    )
-    return np.array([parts[0].start, *(part.end for part in parts)]), parts
+@kernel
+def _stations(start: Array, steps: Array, straight: bool) -> tuple[Array, Array]:
+    """Poses (n, 3) along steps (k, 3), their ends included, and the parts (n - 1, 3) of the steps between
+    them."""
+    way = np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2) + 0.1 * np.abs(steps[:, 2])
+    wanted = max(_STATIONS, way.sum())
+    shares = np.maximum(1, np.floor(wanted * way / way.sum()))
+    n = int(shares.sum())
+    stations, parts = np.empty((n + 1, 3)), np.empty((n, 3))
+    i = 0
+    for k in range(len(steps)):
+        x, y, theta = start[k]
+        for _ in range(int(shares[k])):
+            p, q, turn = steps[k] / shares[k]
+            stations[i] = x, y, theta
+            parts[i] = p, q, turn
+            x, y, theta = (x + p, y + q, theta + turn) if straight else moved(x, y, theta, p, q, turn)
+            i += 1
+        stations[i] = x, y, theta
+    return stations, parts
