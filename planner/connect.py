@@ -43,6 +43,10 @@ meanwhile, roughly."""
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
+_WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
+"""How many curves are as many as may be of use, and of which turning radii they are tried before any search, in
+units of the connector's."""
+
 _ALL = slice(None)
 
 _NOTHING = 1e-9
@@ -114,8 +118,9 @@ class Connector(ABC):
         return np.zeros(0)
 
     @abstractmethod
-    def motions(self, a: Array, b: Array) -> Motions:
-        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π."""
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
+        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π; of curves, so many of the
+        quickest."""
 
     @abstractmethod
     def edge_free(self, a: Pose, b: Pose) -> bool:
@@ -128,9 +133,10 @@ class Connector(ABC):
     def connect(self, a: Pose, b: Pose) -> Path | None:
         """The quickest free motion from a to b, or None."""
         motions = self.motions(np.array([a]), np.array([b]))
-        times = np.where(motions.free(), motions.times, np.inf)[0]
-        way = int(np.argmin(times))
-        return motions.path(0, way) if times[way] < np.inf else None
+        for way in np.argsort(motions.times[0], kind="stable").tolist():
+            if motions.times[0, way] < np.inf and motions.free(_ALL, slice(way, way + 1))[0, 0]:
+                return motions.path(0, way)
+        return None
 
     @cached_property
     def reversal(self) -> float:
@@ -174,7 +180,7 @@ class LineConnector(Connector):
     def steers(self) -> bool:
         return False
 
-    def motions(self, a: Array, b: Array) -> Motions:
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
         step = b - a
         step[:, 2] = math.pi - (math.pi - step[:, 2]) % math.tau
         return Motions(self.world, a, self.durations(a, step)[:, None], step[:, None, None], straight=True)
@@ -234,7 +240,7 @@ class PivotConnector(Connector):
     def _limits(self) -> tuple[Array, Array]:
         return self._constant((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
-    def motions(self, a: Array, b: Array) -> Motions:
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
         step = b - a
         distance = np.hypot(step[:, 0], step[:, 1])
         sign = np.array([1.0, -1.0]) if self.reverse else np.array([1.0])
@@ -259,8 +265,6 @@ class PivotConnector(Connector):
 class CurveConnector(Connector):
     """Car: Reeds–Shepp words of the turning radius, or Dubins words where it must not reverse."""
 
-    ways: int = 4
-
     @property
     def state_space(self) -> Literal["SE2", "ReedsShepp", "Dubins"]:
         return "ReedsShepp" if self.reverse else "Dubins"
@@ -276,8 +280,8 @@ class CurveConnector(Connector):
         )
         return speed, push
 
-    def motions(self, a: Array, b: Array) -> Motions:
-        return self._words(a, b, 0, self.ways)
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
+        return self._words(a, b, 0, ways)
 
     def _words(self, a: Array, b: Array, k: int, ways: int) -> Motions:
         """The quickest words of _SCALES[k] times the turning radius."""
@@ -289,7 +293,7 @@ class CurveConnector(Connector):
         return Motions(self.world, a, times, steps)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [self._words(a, b, k, _DIRECT_WAYS) for k in range(len(_SCALES))]
+        return [self._words(a, b, k, _WAYS) for k in range(len(_SCALES))]
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
@@ -313,9 +317,6 @@ class CurveConnector(Connector):
         return math.fsum(abs(b - a) for a, b in pairwise(angles)) * self._steering_slowness
 
 
-_DIRECT_WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
-"""Words tried before any search: how many of each turning radius, and of which, in units of the
-connector's."""
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
-from planner.curves import dubins_words, reeds_shepp_words, shortest_word
+from planner.curves import (
+ DUBINS, DUBINS_END, REEDS_SHEPP, REEDS_SHEPP_END, SEGMENTS,
+    shortest_word, solve_word, word_reaches, word_segment)
 from planner.environment import World, linear_free, twist_free
 from planner.tree import kernel
 
@@ -35,29 +37,32 @@ def quickest_words(
     (n, ways, 5, 3) that are held for unit time in turn.
     """
     n = len(a)
-    times = np.full((n, ways), np.inf)
-    steps = np.zeros((n, ways, 5, 3))
+    times, steps = np.full((n, ways), np.inf), np.zeros((n, ways, SEGMENTS, 3))
+    top = speed.max() / radius
     for i in range(n):
         c, s = math.cos(a[i, 2]), math.sin(a[i, 2])
         dx, dy = (b[i, 0] - a[i, 0]) / radius, (b[i, 1] - a[i, 1]) / radius
         x, y, phi = c * dx + s * dy, c * dy - s * dx, b[i, 2] - a[i, 2]
-        words, arcs, count = reeds_shepp_words(x, y, phi) if reverse else dubins_words(x, y, phi)
-        for k in range(count):
+        sine, cosine = math.sin(phi), math.cos(phi)
+        for row in range(REEDS_SHEPP if reverse else DUBINS, REEDS_SHEPP_END if reverse else DUBINS_END):
+            word = solve_word(row, x, y, phi, sine, cosine, times[i, ways - 1] * top)
+            if not word[0] < np.inf:
+                continue
             time, last, way = 0.0, -2.0, 0.0
-            for j in range(words.shape[1]):
-                ell = abs(arcs[k, j]) * radius
+            for j in range(SEGMENTS):
+                curve, length = word_segment(row, j, word)
+                ell = abs(length) * radius
                 if ell == 0.0:
                     continue
-                curve = words[k, j]
                 bent = 1 if curve != 0.0 else 0
                 v, accel = speed[bent], acceleration[bent]
                 time += ell / v + v / accel if ell * accel > v * v else 2 * math.sqrt(ell / accel)
                 if last != -2.0:
                     time += abs(curve - last) * steering
-                if way * arcs[k, j] < 0.0:
+                if way * length < 0.0:
                     time += reversal
-                last, way = curve, arcs[k, j]
-            if time >= times[i, ways - 1]:
+                last, way = curve, length
+            if time >= times[i, ways - 1] or not word_reaches(row, word, x, y, sine, cosine):
                 continue
             place = ways - 1
             while place > 0 and times[i, place - 1] > time:
@@ -65,8 +70,9 @@ def quickest_words(
                 steps[i, place] = steps[i, place - 1]
                 place -= 1
             times[i, place] = time
-            for j in range(words.shape[1]):
-                steps[i, place, j, 0], steps[i, place, j, 2] = arcs[k, j] * radius, arcs[k, j] * words[k, j]
+            for j in range(SEGMENTS):
+                curve, length = word_segment(row, j, word)
+                steps[i, place, j, 0], steps[i, place, j, 2] = length * radius, length * curve
     return times, steps
 
 

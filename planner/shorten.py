@@ -1,5 +1,4 @@
-"""Path → quicker Path: shortcuts between poses along it, chosen together by their time; those chosen are
-checked."""
+"""Path → quicker Path: shortcuts between poses along it, free and chosen together by their time."""
 
 from __future__ import annotations
 
@@ -17,56 +16,99 @@ from planner.tree import kernel
 
 __all__ = ["shorten"]
 
-_STATIONS = 24
-"""Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
-than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
-_LAZY = 200
-"""How often a choice may turn out not to be free before all motions are checked."""
-_ROUNDS = 4
+_QUICK, _THOROUGH = (24, 2), (48, 4)
+"""How many poses along a path shortcuts begin and end at, and how many ways of joining two are tried."""
+_ROUNDS = (0.0, 0.0, 0.2, 0.05)
+"""Where these poses are, round by round: evenly all along, or, where this is not 0, at the joints of the path's
+pieces and so far from them, as a share of the piece."""
+_NEAR = 1 / 3
+"""How far shortcuts reach between poses at joints, as a share of the evenly spread ones' number."""
 _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
 
 
-def shorten(path: Path, connector: Connector) -> Path:
+def shorten(path: Path, connector: Connector, quick: bool = False) -> Path:
     """The quickest path, by estimate, that joins some of the poses along the given one by the connector's
-    motions.
+    motions. quick: a few milliseconds' worth of it.
 
     Start and end stay, the end's heading up to whole turns. The result is free if the path is.
     """
+    count, ways = _QUICK if quick else _THOROUGH
     best, time = path, connector.duration(path)
-    for _ in range(_ROUNDS):
-        shorter = _shortcut(best, connector)
+    for share in _ROUNDS:
+        shorter = _shortcut(best, connector, count, share, ways)
         quicker = connector.duration(shorter)
-        if quicker >= time:
-            return best
-        done = quicker > _GAIN * time
-        best, time = shorter, quicker
-        if done:
-            return best
+        if quicker < time:
+            best = shorter
+        if quicker > _GAIN * time:
+            break
+        time = quicker
     return best
 
 
-def _shortcut(path: Path, connector: Connector) -> Path:
+def _shortcut(path: Path, connector: Connector, count: int, share: float, ways: int) -> Path:
     start, steps, straight = as_steps(path)
-    stations, own = _stations(start, steps, straight)
-    poses, station = _turned(stations, connector)
-    n = len(stations)
-    span = n if n <= 4 * _STATIONS else _STATIONS
+    at = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + 0.1 * np.abs(steps[:, 2]))])
+    cuts = _beside(at, share) if share else _even(at, count)
+    begin, own, place = _cut(start, steps, straight, at, cuts)
+    poses, station = _turned(begin[place], connector)
     ahead = station[None] - station[:, None]
-    first, second = np.nonzero((ahead > 0) & (ahead <= span))
-    order = np.argsort(station[second], kind="stable")
+    first, second = np.nonzero((ahead > 0) & (ahead <= (_NEAR * count if share else np.inf)))
+    order = np.lexsort((second, station[second]))
     first, second = first[order], second[order]
-    motions = connector.motions(poses[first], poses[second])
-    own_times = connector.durations(stations[:-1], own)
-    edges, ways = _quickest_free(
+    motions = connector.motions(poses[first], poses[second], ways)
+    own_times = np.add.reduceat(connector.durations(begin[:-1], own), place[:-1])
+    edges, chosen = _quickest_free(
         connector.world.kernel, first, second, motions.start, motions.times, motions.steps, straight,
-        own, own_times, connector.reversal,
+        own, place, own_times, connector.reversal,
     )  # fmt: skip
     parts = [
-        as_path(stations[first[i]], own[first[i]][None], straight) if way < 0 else motions.path(i, way)
-        for i, way in zip(edges.tolist(), ways.tolist(), strict=True)
+        motions.path(e, way) if way >= 0 else as_path(begin[place[i]], own[place[i] : place[i + 1]], straight)
+        for e, i, way in zip(edges.tolist(), first[edges].tolist(), chosen.tolist(), strict=True)
     ]
     return _unwrapped(path[0].start, parts)
+
+
+def _even(at: Array, count: int) -> Array:
+    """So many places or less, evenly from the first to the last of `at` (k,), or at one of these that is
+    near."""
+    cuts = np.linspace(0.0, at[-1], count)
+    near = at[np.abs(at[:, None] - cuts).argmin(0)]
+    found: Array = np.unique(np.where(np.abs(near - cuts) < cuts[1] / 2, near, cuts))
+    return found
+
+
+def _beside(at: Array, share: float) -> Array:
+    """The places at (k,), and those by a share of the way to the next from each, on either side."""
+    off = share * np.diff(at)
+    found: Array = np.unique(np.concatenate([at, at[:-1] + off, at[1:] - off]))
+    return found
+
+
+def _cut(
+    start: Array, steps: Array, straight: bool, at: Array, cuts: Array
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """The steps (k, 3) from poses start (k, 3), which begin and end at (k + 1,), cut at the places `cuts` (n,),
+    too: where they begin and the last ends (m + 1, 3), what they do (m, 3), and which begin at a cut (n,)."""
+    places = np.unique(np.concatenate([at, cuts]))
+    k = np.minimum(np.searchsorted(at, places, side="right"), len(steps)) - 1
+    whole = np.diff(at)[k]
+    begin = _moved(start[k], steps[k] * ((places - at[k]) / whole)[:, None], straight)
+    own = steps[k[:-1]] * (np.diff(places) / whole[:-1])[:, None]
+    return begin, own, np.searchsorted(places, cuts)
+
+
+@kernel
+def _moved(start: Array, steps: Array, straight: bool) -> Array:
+    """The poses (n, 3) that steps (n, 3) from start (n, 3) lead to."""
+    if straight:
+        return start + steps
+    out = np.empty_like(start)
+    for i in range(len(start)):
+        x, y, theta = start[i]
+        p, q, turn = steps[i]
+        out[i] = moved(x, y, theta, p, q, turn)
+    return out
 
 
 def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.intp]]:
@@ -93,74 +135,78 @@ def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.in
 @kernel
 def _quickest_free(
     world: World, first: NDArray[np.intp], second: NDArray[np.intp], start: Array, times: Array, steps: Array,
-    straight: bool, own: Array, own_times: Array, reversal: float,
+    straight: bool, own: Array, place: NDArray[np.intp], own_times: Array, reversal: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:  # fmt: skip
-    """The edges and ways that lead from pose 0 to the goal in the least time and are free.
+    """The edges and ways that lead from pose 0 to the last station in the least time and are free.
 
-    Edge e leads from pose first[e] to second[e]; no later edge leads to where it begins. The goal is the last
-    station, which is as many as own has rows and one. start, times, steps, straight: Motions of the edges;
-    own (n - 1, 3), own_times (n - 1,): the free steps from each station to the next, way -1 of the edge there.
-    reversal s: of a change of direction.
+    Edge e leads from pose first[e] to second[e], in the order of these; no later edge leads to where it
+    begins. start, times, steps, straight: of the edges' Motions. own_times (n - 1,): of what the path does
+    from one of its n stations to the next, free steps own[place[i] : place[i + 1]]; its way is -1. reversal s:
+    of a change of direction.
     """
-    edges_count, ways_count = times.shape
-    goal = len(own)
-    n = max(second.max(), first.max()) + 1
-    times = times.copy()
+    count, ways = times.shape
+    goal = len(own_times)
+    times = np.column_stack((times, np.full(count, np.inf)))
+    heads = np.zeros((count, ways + 1, 2))
     known = np.zeros(times.shape, dtype=np.bool_)
-    heads = np.zeros((edges_count, ways_count, 2))
-    if not straight:
-        for e in range(edges_count):
-            for way in range(ways_count):
-                for k in range(steps.shape[2]):
-                    v = steps[e, way, k, 0]
-                    if v != 0.0:
-                        heads[e, way, 1] = v
-                        if heads[e, way, 0] == 0.0:
-                            heads[e, way, 0] = v
-    reach, by = np.empty((n, 2)), np.zeros((n, 2, 3), dtype=np.intp)
-    edges, ways = np.empty(n, np.intp), np.empty(n, np.intp)
-    attempt = 0
-    while True:
-        if attempt == _LAZY:
-            for e in range(edges_count):
-                for way in range(ways_count):
-                    if not known[e, way] and times[e, way] < np.inf:
-                        known[e, way] = True
-                        if not motion_free(world, start[e], steps[e, way], straight):
-                            times[e, way] = np.inf
-        attempt += 1
-        reach[:] = np.inf  # arriving backwards, forwards
-        reach[0] = 0.0
-        for e in range(edges_count):
-            i, j = first[e], second[e]
-            for way in range(-1 if j == i + 1 and j <= goal else 0, ways_count):
-                if way < 0:
-                    time = own_times[i]
-                    begin = end = 0.0 if straight else own[i, 0]
-                else:
-                    time = times[e, way]
-                    begin, end = heads[e, way, 0], heads[e, way, 1]
-                for before in range(2):
-                    total = reach[i, before] + time
-                    if begin * (2 * before - 1) < 0.0:
-                        total += reversal
-                    # A way that neither drives forwards nor backwards changes nothing.
-                    after = before if end == 0.0 else int(end > 0.0)
-                    if total < reach[j, after]:
-                        reach[j, after] = total
-                        by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
-        j, head, length, found = goal, int(reach[goal, 1] < reach[goal, 0]), 0, True
-        while j != 0:
-            e, way, before = by[j, head]
-            edges[length], ways[length] = e, way
-            if way >= 0 and not known[e, way]:
-                known[e, way] = True
-                if not motion_free(world, start[e], steps[e, way], straight):
+    for e in range(count):
+        i = first[e]
+        if second[e] == i + 1 and i < goal:
+            times[e, ways], known[e, ways] = own_times[i], True
+            if not straight:
+                _head(own[place[i] : place[i + 1]], heads[e, ways])
+        for way in range(0 if straight else ways):
+            _head(steps[e, way], heads[e, way])
+    n = second.max() + 1
+    reach, by = np.full((n, 2), np.inf), np.zeros((n, 2, 3), dtype=np.intp)
+    reach[0] = 0.0  # arriving backwards, forwards
+    stop = 0
+    while stop < count:
+        begin, j = stop, second[stop]
+        while stop < count and second[stop] == j:
+            stop += 1
+        for after in range(2):
+            while True:
+                least = np.inf
+                for e in range(begin, stop):
+                    for way in range(ways + 1):
+                        if not times[e, way] < least:
+                            continue
+                        leaves, arrives = heads[e, way]
+                        for before in range(2):
+                            # A way that neither drives forwards nor backwards changes nothing.
+                            if (before if arrives == 0.0 else int(arrives > 0.0)) != after:
+                                continue
+                            total = reach[first[e], before] + times[e, way]
+                            if leaves * (2 * before - 1) < 0.0:
+                                total += reversal
+                            if total < least:
+                                least = total
+                                by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
+                e, way = by[j, after, 0], by[j, after, 1]
+                if least == np.inf or known[e, way]:
+                    break
+                known[e, way] = motion_free(world, start[e], steps[e, way], straight)
+                if not known[e, way]:
                     times[e, way] = np.inf
-                    found = False
-            j, head, length = first[e], before, length + 1
-        if found:
-            return edges[:length][::-1].copy(), ways[:length][::-1].copy()
+            reach[j, after] = least
+    edges, chosen = np.empty(n, np.intp), np.empty(n, np.intp)
+    j, head, length = goal, int(reach[goal, 1] < reach[goal, 0]), 0
+    while j != 0:
+        e, way, before = by[j, head]
+        edges[length], chosen[length] = e, way if way < ways else -1
+        j, head, length = first[e], before, length + 1
+    return edges[:length][::-1].copy(), chosen[:length][::-1].copy()
+
+
+@kernel
+def _head(steps: Array, heads: Array) -> None:
+    """Whether twists (k, 3) begin and end forwards (> 0), backwards (< 0) or neither (0), into heads (2,)."""
+    for k in range(len(steps)):
+        if steps[k, 0] != 0.0:
+            heads[1] = steps[k, 0]
+            if heads[0] == 0.0:
+                heads[0] = steps[k, 0]
 
 
 def _unwrapped(start: Pose, steps: list[Path]) -> Path:
@@ -172,25 +218,3 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
         pieces.append(piece.turned(turns))
         theta = pieces[-1].end.theta
     return merge(pieces)
-
-
-@kernel
-def _stations(start: Array, steps: Array, straight: bool) -> tuple[Array, Array]:
-    """Poses (n, 3) along steps (k, 3), their ends included, and the parts (n - 1, 3) of the steps between
-    them."""
-    way = np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2) + 0.1 * np.abs(steps[:, 2])
-    wanted = max(_STATIONS, way.sum())
-    shares = np.maximum(1, np.floor(wanted * way / way.sum()))
-    n = int(shares.sum())
-    stations, parts = np.empty((n + 1, 3)), np.empty((n, 3))
-    i = 0
-    for k in range(len(steps)):
-        x, y, theta = start[k]
-        for _ in range(int(shares[k])):
-            p, q, turn = steps[k] / shares[k]
-            stations[i] = x, y, theta
-            parts[i] = p, q, turn
-            x, y, theta = (x + p, y + q, theta + turn) if straight else moved(x, y, theta, p, q, turn)
-            i += 1
-        stations[i] = x, y, theta
-    return stations, parts
