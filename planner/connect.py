@@ -44,8 +44,8 @@ _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
 _WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
-"""How many curves are as many as may be of use, and of which turning radii they are tried before any search, in
-units of the connector's."""
+"""How many curves are as many as may be of use, and of which turning radii they are tried before any search,
+in units of the connector's."""
 
 _ALL = slice(None)
 
@@ -146,7 +146,7 @@ class Connector(ABC):
 
     def durations(self, start: Array, steps: Array) -> Array:
         """Estimates (n,) s of the time that steps (n, 3), those of Motions, take from poses start (n, 3)."""
-        found: Array = step_durations(self._pace, start[:, 2], steps, not self.steers, self.flows)
+        found: Array = step_durations(self._pace, start, steps, not self.steers, self.flows)
         return found
 
     def duration(self, path: Path) -> float:
@@ -315,8 +315,6 @@ class CurveConnector(Connector):
     def _steering_time(self, path: Path) -> float:
         angles = [self._steering_angle(p.turn / p.twist.vx) for p in path if not isinstance(p, LinePiece)]
         return math.fsum(abs(b - a) for a, b in pairwise(angles)) * self._steering_slowness
-
-
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:

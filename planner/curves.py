@@ -228,9 +228,7 @@ def _words(start: int, end: int, x: float, y: float, phi: float) -> tuple[Array,
 
 
 @_kernel
-def _shortest(
-    x: float, y: float, phi: float, reverse: bool
-) -> tuple[int, tuple[float, float, float, float]]:
+def _shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, tuple[float, float, float, float]]:
     """Row and word of the shortest; inf and NaN where there is none."""
     row, best = 0, (math.inf, math.nan, math.nan, math.nan)
     s, c = math.sin(phi), math.cos(phi)

@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 from planner.curves import (
- DUBINS, DUBINS_END, REEDS_SHEPP, REEDS_SHEPP_END, SEGMENTS,
-    shortest_word, solve_word, word_reaches, word_segment)
+    DUBINS,
+    DUBINS_END,
+    REEDS_SHEPP,
+    REEDS_SHEPP_END,
+    SEGMENTS,
+    shortest_word,
+    solve_word,
+    word_reaches,
+    word_segment,
+)
 from planner.environment import World, linear_free, twist_free
 from planner.tree import kernel
 

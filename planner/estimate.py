@@ -17,7 +17,7 @@ _SAMPLES = 5
 
 
 def pace(drive: Drive, limits: Limits) -> Array:
-    """What step_durations needs to know of a robot, (m + 1, 8); trailing wheels are taken to have swung round.
+    """What step_durations needs to know of a robot, (m + 1, 8); trailing wheels count as swung round.
 
     A row a wheel: p and q, (3,) each, such that it turns at hypot(p·ξ, q·ξ) rad/s at a twist ξ, and one over
     its largest rate and acceleration. The last: one over the body's largest linear speed, angular speed,
@@ -30,7 +30,9 @@ def pace(drive: Drive, limits: Limits) -> Array:
     p = law.rows + steered * np.stack([one, 0 * one, -y], -1)
     q = steered * np.stack([0 * one, one, x], -1)
     turning = min(limits.angular_speed, limits.steering_rate if law.heading_steers else np.inf)
-    body = 1 / np.array([limits.linear_speed, turning, limits.lateral_acceleration, limits.linear_acceleration])
+    body = 1 / np.array(
+        [limits.linear_speed, turning, limits.lateral_acceleration, limits.linear_acceleration]
+    )
     wheels = np.column_stack([p, q, 1 / limits.wheel_speed, 1 / limits.wheel_acceleration])
     return np.vstack([wheels, [*body, 0.0, 0.0, 0.0, 0.0]])
 
@@ -51,11 +53,11 @@ def _slowness(pace: Array, vx: float, vy: float, turn: float) -> tuple[float, fl
 
 
 @kernel
-def step_durations(pace: Array, heading: Array, steps: Array, straight: bool, flows: bool) -> Array:
-    """Estimates (n,) s of the time that steps (n, 3) take: from rest to rest at the worst of each limit on the
-    way, or where it flows, at full speed, as if the robot came by.
+def step_durations(pace: Array, start: Array, steps: Array, straight: bool, flows: bool) -> Array:
+    """Estimates (n,) s of the time that steps (n, 3) take: from rest to rest at the worst of each limit on
+    the way, or where it flows, at full speed, as if the robot came by.
 
-    Steps are twists held for unit time, or where `straight`, displacements in the world from headings (n,) on.
+    Steps are twists held for unit time, or where `straight`, displacements in the world, from poses start (n, 3).
     """
     durations = np.empty(len(steps))
     for i in range(len(steps)):
@@ -63,7 +65,7 @@ def step_durations(pace: Array, heading: Array, steps: Array, straight: bool, fl
         samples = _SAMPLES if straight and turn != 0.0 else 1
         most, heavy, passing = 0.0, 0.0, 0.0
         for k in range(samples):
-            theta = heading[i] + turn * k / max(samples - 1, 1) if straight else 0.0
+            theta = start[i, 2] + turn * k / max(samples - 1, 1) if straight else 0.0
             c, s = math.cos(theta), math.sin(theta)
             slow, mass = _slowness(pace, c * dx + s * dy, c * dy - s * dx, turn)
             most, heavy, passing = max(most, slow), max(heavy, mass), passing + slow / samples

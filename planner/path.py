@@ -13,7 +13,18 @@ import numpy as np
 from drives.drive import BodyPath
 from drives.se2 import Array, Pose, Twist, compose, exp
 
-__all__ = ["Curve", "LinePiece", "Path", "Piece", "TwistPiece", "arc", "as_path", "as_steps", "merge", "pivot"]
+__all__ = [
+    "Curve",
+    "LinePiece",
+    "Path",
+    "Piece",
+    "TwistPiece",
+    "arc",
+    "as_path",
+    "as_steps",
+    "merge",
+    "pivot",
+]
 
 _SAME_DIRECTION = 1e-9
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drives.se2 import Array, Pose
+from drives.se2 import Array
 from planner.connect import Connector
-from planner.edges import motion_free, moved
-from planner.environment import World
-from planner.path import Path, as_path, as_steps, merge
+from planner.edges import moved
+from planner.path import Path, as_steps
+from planner.roadmap import quickest_path
 from planner.tree import kernel
 
 __all__ = ["shorten"]
@@ -19,8 +19,8 @@ __all__ = ["shorten"]
 _QUICK, _THOROUGH = (24, 2), (48, 4)
 """How many poses along a path shortcuts begin and end at, and how many ways of joining two are tried."""
 _ROUNDS = (0.0, 0.0, 0.2, 0.05)
-"""Where these poses are, round by round: evenly all along, or, where this is not 0, at the joints of the path's
-pieces and so far from them, as a share of the piece."""
+"""Where these poses are, round by round: evenly all along, or, where this is not 0, at the joints of the
+path's pieces and so far from them, as a share of the piece."""
 _NEAR = 1 / 3
 """How far shortcuts reach between poses at joints, as a share of the evenly spread ones' number."""
 _GAIN = 0.995
@@ -52,21 +52,10 @@ def _shortcut(path: Path, connector: Connector, count: int, share: float, ways: 
     cuts = _beside(at, share) if share else _even(at, count)
     begin, own, place = _cut(start, steps, straight, at, cuts)
     poses, station = _turned(begin[place], connector)
-    ahead = station[None] - station[:, None]
-    first, second = np.nonzero((ahead > 0) & (ahead <= (_NEAR * count if share else np.inf)))
-    order = np.lexsort((second, station[second]))
-    first, second = first[order], second[order]
-    motions = connector.motions(poses[first], poses[second], ways)
-    own_times = np.add.reduceat(connector.durations(begin[:-1], own), place[:-1])
-    edges, chosen = _quickest_free(
-        connector.world.kernel, first, second, motions.start, motions.times, motions.steps, straight,
-        own, place, own_times, connector.reversal,
-    )  # fmt: skip
-    parts = [
-        motions.path(e, way) if way >= 0 else as_path(begin[place[i]], own[place[i] : place[i + 1]], straight)
-        for e, i, way in zip(edges.tolist(), first[edges].tolist(), chosen.tolist(), strict=True)
-    ]
-    return _unwrapped(path[0].start, parts)
+    reach = _NEAR * count if share else math.inf
+    shorter = quickest_path(poses, station, reach, connector, ways, (begin, own, place))
+    assert shorter is not None  # there is the path itself
+    return shorter
 
 
 def _even(at: Array, count: int) -> Array:
@@ -88,8 +77,10 @@ def _beside(at: Array, share: float) -> Array:
 def _cut(
     start: Array, steps: Array, straight: bool, at: Array, cuts: Array
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """The steps (k, 3) from poses start (k, 3), which begin and end at (k + 1,), cut at the places `cuts` (n,),
-    too: where they begin and the last ends (m + 1, 3), what they do (m, 3), and which begin at a cut (n,)."""
+    """The steps (k, 3) from poses start (k, 3), which begin and end at (k + 1,), cut at `cuts` (n,) too.
+
+    Returns where they begin and the last ends (m + 1, 3), what they do (m, 3), and which begin at a cut
+    (n,)."""
     places = np.unique(np.concatenate([at, cuts]))
     k = np.minimum(np.searchsorted(at, places, side="right"), len(steps)) - 1
     whole = np.diff(at)[k]
@@ -130,91 +121,3 @@ def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.in
     variants = [np.column_stack([stations[1:-1, :2], turn]) for turn in turns]
     every = [np.arange(n), *(np.arange(1, n - 1) for _ in variants)]
     return np.concatenate([stations, *variants]), np.concatenate(every)
-
-
-@kernel
-def _quickest_free(
-    world: World, first: NDArray[np.intp], second: NDArray[np.intp], start: Array, times: Array, steps: Array,
-    straight: bool, own: Array, place: NDArray[np.intp], own_times: Array, reversal: float,
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:  # fmt: skip
-    """The edges and ways that lead from pose 0 to the last station in the least time and are free.
-
-    Edge e leads from pose first[e] to second[e], in the order of these; no later edge leads to where it
-    begins. start, times, steps, straight: of the edges' Motions. own_times (n - 1,): of what the path does
-    from one of its n stations to the next, free steps own[place[i] : place[i + 1]]; its way is -1. reversal s:
-    of a change of direction.
-    """
-    count, ways = times.shape
-    goal = len(own_times)
-    times = np.column_stack((times, np.full(count, np.inf)))
-    heads = np.zeros((count, ways + 1, 2))
-    known = np.zeros(times.shape, dtype=np.bool_)
-    for e in range(count):
-        i = first[e]
-        if second[e] == i + 1 and i < goal:
-            times[e, ways], known[e, ways] = own_times[i], True
-            if not straight:
-                _head(own[place[i] : place[i + 1]], heads[e, ways])
-        for way in range(0 if straight else ways):
-            _head(steps[e, way], heads[e, way])
-    n = second.max() + 1
-    reach, by = np.full((n, 2), np.inf), np.zeros((n, 2, 3), dtype=np.intp)
-    reach[0] = 0.0  # arriving backwards, forwards
-    stop = 0
-    while stop < count:
-        begin, j = stop, second[stop]
-        while stop < count and second[stop] == j:
-            stop += 1
-        for after in range(2):
-            while True:
-                least = np.inf
-                for e in range(begin, stop):
-                    for way in range(ways + 1):
-                        if not times[e, way] < least:
-                            continue
-                        leaves, arrives = heads[e, way]
-                        for before in range(2):
-                            # A way that neither drives forwards nor backwards changes nothing.
-                            if (before if arrives == 0.0 else int(arrives > 0.0)) != after:
-                                continue
-                            total = reach[first[e], before] + times[e, way]
-                            if leaves * (2 * before - 1) < 0.0:
-                                total += reversal
-                            if total < least:
-                                least = total
-                                by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
-                e, way = by[j, after, 0], by[j, after, 1]
-                if least == np.inf or known[e, way]:
-                    break
-                known[e, way] = motion_free(world, start[e], steps[e, way], straight)
-                if not known[e, way]:
-                    times[e, way] = np.inf
-            reach[j, after] = least
-    edges, chosen = np.empty(n, np.intp), np.empty(n, np.intp)
-    j, head, length = goal, int(reach[goal, 1] < reach[goal, 0]), 0
-    while j != 0:
-        e, way, before = by[j, head]
-        edges[length], chosen[length] = e, way if way < ways else -1
-        j, head, length = first[e], before, length + 1
-    return edges[:length][::-1].copy(), chosen[:length][::-1].copy()
-
-
-@kernel
-def _head(steps: Array, heads: Array) -> None:
-    """Whether twists (k, 3) begin and end forwards (> 0), backwards (< 0) or neither (0), into heads (2,)."""
-    for k in range(len(steps)):
-        if steps[k, 0] != 0.0:
-            heads[1] = steps[k, 0]
-            if heads[0] == 0.0:
-                heads[0] = steps[k, 0]
-
-
-def _unwrapped(start: Pose, steps: list[Path]) -> Path:
-    """The steps one after the other, headings continuous though each began on its own branch."""
-    pieces = []
-    theta = start.theta
-    for piece in (piece for step in steps for piece in step):
-        turns = round((theta - piece.start.theta) / math.tau) * math.tau
-        pieces.append(piece.turned(turns))
-        theta = pieces[-1].end.theta
-    return merge(pieces)
