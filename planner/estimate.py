@@ -57,7 +57,8 @@ def step_durations(pace: Array, start: Array, steps: Array, straight: bool, flow
     """Estimates (n,) s of the time that steps (n, 3) take: from rest to rest at the worst of each limit on
     the way, or where it flows, at full speed, as if the robot came by.
 
-    Steps are twists held for unit time, or where `straight`, displacements in the world, from poses start (n, 3).
+    Steps are twists held for unit time or, where `straight`, displacements in the world, from poses start
+    (n, 3).
     """
     durations = np.empty(len(steps))
     for i in range(len(steps)):

@@ -42,6 +42,7 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
 _REPEATED = 3
+_ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
@@ -95,7 +96,9 @@ class Search:
             if guided and route is None:
                 continue
             path = self._along_route(route, goal) if route is not None else None
-            if path is None:
+            if path is not None:
+                name = _ROADMAP
+            else:
                 path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
             if path is not None:
                 yield name, path
@@ -112,7 +115,7 @@ class Search:
         path = quickest_path(poses, np.arange(len(poses)), _REACH, self.connector, _WAYS)
         checked = _REACH * len(poses)
         self.work += checked
-        self._tell("roadmap", True, None, checked, path is not None)
+        self._tell(_ROADMAP, True, None, checked, path is not None)
         return path
 
     def _tell(self, planner: str, guided: bool, seed: int | None, checked: int, solved: bool) -> None:
