@@ -80,7 +80,8 @@ def quickest_words(
             times[i, place] = time
             for j in range(SEGMENTS):
                 curve, length = word_segment(row, j, word)
-                steps[i, place, j, 0], steps[i, place, j, 2] = length * radius, length * curve
+                steps[i, place, j, 0] = length * radius
+                steps[i, place, j, 2] = curve / radius * steps[i, place, j, 0]
     return times, steps
 
 

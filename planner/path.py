@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 _SAME_DIRECTION = 1e-9
+_NOTHING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,22 +149,26 @@ def _turned(pose: Pose, turns: float) -> Pose:
 
 
 def merge(pieces: Iterable[Piece]) -> Path:
-    """The same path without empty pieces, and with neighbours joined where the motion simply goes on."""
+    """The same path without empty pieces, and with neighbours joined where the motion simply goes on; turns
+    on the spot, one after the other, are what they come to."""
     out: list[Piece] = []
     for piece in pieces:
-        if piece.length < 1e-12 and abs(piece.turn) < 1e-12:
-            continue
         joined = _join(out[-1], piece) if out else None
-        if joined is None:
+        if joined is not None:
+            out.pop()
+        piece = joined or piece
+        if piece.length >= _NOTHING or abs(piece.turn) >= _NOTHING:
             out.append(piece)
-        else:
-            out[-1] = joined
     return tuple(out)
 
 
 def _join(a: Piece, b: Piece) -> Piece | None:
     """One piece for both, if the direction of the tangent in the body frame does not change between them."""
-    if isinstance(a, TwistPiece) and isinstance(b, TwistPiece) and _is_same(a.twist, b.twist):
+    if (
+        isinstance(a, TwistPiece)
+        and isinstance(b, TwistPiece)
+        and ((a.length == b.length == 0.0) or _is_same(a.twist, b.twist))
+    ):
         return TwistPiece(a.start, Twist(*map(add, a.twist, b.twist)))
     if isinstance(a, LinePiece) and isinstance(b, LinePiece) and _is_same(_step(a), _step(b)):
         return LinePiece(a.start, b.end)
@@ -173,6 +178,8 @@ def _join(a: Piece, b: Piece) -> Piece | None:
 def _is_same(u: Sequence[float], v: Sequence[float]) -> bool:
     """Whether two vectors point in the same direction."""
     p, q = math.hypot(*u), math.hypot(*v)
+    if min(p, q) < _NOTHING:
+        return False
     return math.dist([x / p for x in u], [x / q for x in v]) < _SAME_DIRECTION
 
 
