@@ -31,7 +31,13 @@ _ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_maps, routes_o
 
 def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
     """The service as an ASGI application. The pool is started and closed with it."""
-    workers = pool or Pool(settings.workers, settings.queue_length, preload=["api.warm"])
+    workers = pool or Pool(
+        settings.workers,
+        settings.queue_length,
+        preload=["api.warm"],
+        queue_timeout=settings.queue_timeout,
+        memory=settings.worker_memory,
+    )
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
