@@ -18,9 +18,10 @@ from api.answers import Problem
 from api.errors import Refusal, problem_response
 from api.maps import MapStore
 from api.metrics import Metrics
-from api.middleware import Envelope
+from api.middleware import PROBES, Envelope
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
+from api.tokens import Guard, Tokens
 from api.workers import Pool
 from planner.errors import PlanningError
 
@@ -52,6 +53,13 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
         description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
         lifespan=lifespan,
         redoc_url=None,
+        telemetry={
+            "auto_configure": True,  # by the standard's OTEL_… variables; without them, nothing
+            "metrics": False,
+            "logs": False,
+            "operation_spans": False,
+            "exclude": lambda scope: scope.get("path") in PROBES,
+        },
     )
     app.state.settings = settings
     app.state.pool = workers
@@ -60,7 +68,9 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)
-    app.add_middleware(Envelope, metrics=app.state.metrics)
+    if settings.tokens_file is not None:
+        app.add_middleware(Guard, tokens=Tokens(settings.tokens_file))
+    app.add_middleware(Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout)
     for refused in (Refusal, PlanningError):
         app.add_exception_handler(refused, _refused)
     app.add_exception_handler(HTTPException, _http_error)

@@ -22,13 +22,15 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         settings = Settings.from_environment()
+        if asked.command == "serve":
+            given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
+            settings = replace(settings, **given)
     except ValueError as error:
         parser.error(str(error))
     if asked.command == "serve":
-        given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
         from api.server import serve  # every command is quicker without what the others need
 
-        return serve(replace(settings, **given))
+        return serve(settings)
     if asked.command == "plan":
         return plan_file(asked, settings)
     if asked.command == "settings":

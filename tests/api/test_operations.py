@@ -20,8 +20,11 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def test_the_codes_are_those_of_the_contract_and_three_of_http():
-    own = {"not-found": 404, "method-not-allowed": 405, "internal-error": 500}
+def test_the_codes_are_those_of_the_contract_and_six_of_http():
+    own = {
+        "malformed-http": 400, "unauthorized": 401, "not-found": 404, "method-not-allowed": 405,
+        "request-timeout": 408, "internal-error": 500,
+    }  # fmt: skip
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
 
 
