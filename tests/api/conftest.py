@@ -49,7 +49,7 @@ class InlinePool(Pool):
     def start(self) -> None:
         pass
 
-    async def run(self, function: Callable[..., Any], *args: Any, deadline: float) -> Any:
+    async def run(self, function: Callable[..., Any], *args: Any, **_: Any) -> Any:
         return await asyncio.to_thread(function, *args)
 
 
