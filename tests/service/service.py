@@ -123,7 +123,7 @@ def serving(data_dir, **settings):
     try:
         until(lambda: server.ready() or server.process.poll() is not None, 300)
         assert server.process.poll() is None, b"".join(server.log)
-        until(lambda: server.metric("wheelplan_workers") == settings.get("workers", 2))
+        until(lambda: server.metric("wheelplan_workers_idle") == settings.get("workers", 2))
         yield server
     finally:
         server.end()
