@@ -88,7 +88,7 @@ def test_a_service_without_workers_is_alive_but_not_ready(settings, body):
 
 def test_a_service_whose_workers_die_one_after_the_other_is_not_ready_but_tries(settings, planner_, body):
     class Dying(InlinePool):
-        crash_loop = True
+        trouble = "The workers die one after the other."
 
     with TestClient(create_app(settings, Dying())) as client:
         answer = client.get("/readyz")
