@@ -8,7 +8,7 @@ from prometheus_client import CollectorRegistry, Counter, Histogram, ProcessColl
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from api.workers import Pool
+from api.scheduler import Scheduler
 
 __all__ = ["Metrics"]
 
@@ -18,7 +18,7 @@ _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)
 class Metrics:
     """The metrics of one application, in a registry of their own."""
 
-    def __init__(self, pool: Pool) -> None:
+    def __init__(self, pool: Scheduler) -> None:
         self.registry = CollectorRegistry()
         ProcessCollector(registry=self.registry)
         self.registry.register(_Workers(pool))
@@ -35,7 +35,7 @@ class Metrics:
 
 
 class _Workers(Collector):
-    def __init__(self, pool: Pool) -> None:
+    def __init__(self, pool: Scheduler) -> None:
         self.pool = pool
 
     def collect(self) -> Iterator[Metric]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import anyio
 from fastapi import APIRouter, Request, Response
+from starlette.datastructures import State
 
 from api.answers import PlanAnswer
 from api.convert import to_problem
@@ -16,11 +17,12 @@ from api.http import problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
 from api.planning import Answer, answer_plan
+from api.scheduler import Scheduler
 from api.schemas import PlanRequest
-from api.workers import Pool
 from planner.errors import PlanningError
+from planner.problem import Problem
 
-__all__ = ["router"]
+__all__ = ["answered", "router"]
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
@@ -50,21 +52,25 @@ async def create_plan(request: Request, format: str | None = None) -> Response:
     compress = accepts_gzip(request.headers.get("accept-encoding"))
     asked = await read_model(request, PlanRequest)
     problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
-    pool: Pool = state.pool
+    answer: Answer | None = await while_connected(request, answered(state, problem, media_type, compress))
+    if answer is None:
+        return Response(status_code=_GONE)
+    headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
+    return Response(answer.body, 200, headers, media_type)
+
+
+async def answered(state: State, problem: Problem, media_type: str, compress: bool) -> Answer:
+    """Has a worker plan, and counts what comes of it. Raises PlanningError and Refusal."""
+    scheduler: Scheduler = state.pool
     metrics: Metrics = state.metrics
-    deadline = problem.options.time_budget + settings.deadline_grace
+    deadline = problem.options.time_budget + state.settings.deadline_grace
     try:
-        answer: Answer | None = await while_connected(
-            request, pool.run(answer_plan, problem, media_type, compress, deadline=deadline)
-        )
+        answer: Answer = await scheduler.run(answer_plan, problem, media_type, compress, deadline=deadline)
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
-    if answer is None:
-        return Response(status_code=_GONE)
     metrics.planning.labels(problem.robot.drive.kind).observe(answer.seconds)
-    headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
-    return Response(answer.body, 200, headers, media_type)
+    return answer
 
 
 async def while_connected(request: Request, work: Coroutine[Any, Any, Any]) -> Any:

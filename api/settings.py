@@ -35,6 +35,11 @@ class Settings:
     max_map_bytes         the largest map upload, yaml and image together
     max_map_cells         the largest map, width times height
     max_maps              maps kept in store
+    max_batches           batches that may run at once
+    max_batch_bytes       the largest body of a batch
+    batch_keep        s   how long results are kept after their batch has ended
+    batch_store_bytes     results kept at most; the oldest go first
+    scheduler             address of a Dask scheduler, tcp://host:port, whose workers plan; empty: our own do
     """
 
     host: str = "127.0.0.1"
@@ -49,6 +54,11 @@ class Settings:
     max_map_bytes: int = 32 << 20
     max_map_cells: int = 4096 * 4096
     max_maps: int = 1000
+    max_batches: int = 8
+    max_batch_bytes: int = 16 << 20
+    batch_keep: float = 86400.0
+    batch_store_bytes: int = 1 << 30
+    scheduler: str = ""
 
     def __post_init__(self) -> None:
         for name in (
@@ -58,6 +68,10 @@ class Settings:
             "max_map_bytes",
             "max_map_cells",
             "max_maps",
+            "max_batches",
+            "max_batch_bytes",
+            "batch_keep",
+            "batch_store_bytes",
         ):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)!r}")

@@ -20,8 +20,11 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def test_the_codes_are_those_of_the_contract_and_three_of_http():
-    own = {"not-found": 404, "method-not-allowed": 405, "internal-error": 500}
+def test_the_codes_are_those_of_the_contract_and_a_few_of_ours():
+    own = {
+        "not-found": 404, "method-not-allowed": 405, "internal-error": 500, "unknown-batch": 404,
+        "insufficient-storage": 507,
+    }  # fmt: skip
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
 
 
