@@ -30,6 +30,7 @@ from api.errors import Refusal, problem_response
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import Envelope
+from api.planning import answer_plan
 from api.scheduler import Scheduler, scheduler_of
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
@@ -86,7 +87,7 @@ def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
         return to_problem(asked, app.state.maps.layer, settings.max_time_budget)
 
     async def plan(problem: PlanProblem) -> bytes:
-        return (await routes_plans.answered(app.state, problem, "application/json", compress=False)).body
+        return (await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)).body
 
     store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
     return Batches(scheduler, store, read, plan, settings.max_batches)

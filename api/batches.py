@@ -83,12 +83,13 @@ class Batches:
         self._batches: dict[str, _Batch] = {}
         self._turns: deque[_Batch] = deque()
         self._stir = asyncio.Event()
+        self._adding = asyncio.Lock()
         self._hand_out: asyncio.Task[None] | None = None
 
     @property
     def running(self) -> int:
         """Batches that have not ended."""
-        return len(self._batches)
+        return sum(batch.record.finished is None for batch in self._batches.values())
 
     @property
     def waiting(self) -> int:
@@ -115,7 +116,6 @@ class Batches:
 
     async def add(self, requests: Sequence[Any]) -> dict[str, Any]:
         """Begins a batch of plan requests, JSON values; its document. Raises Refusal, as admit; OSError."""
-        self.admit()
         record = Record(uuid.uuid4().hex, len(requests), time.time())
 
         def prepare() -> tuple[Results, deque[_Item]]:
@@ -124,9 +124,11 @@ class Batches:
             )
             return self._store.create(record), items
 
-        results, items = await asyncio.to_thread(prepare)
-        batch = _Batch(record, results, items)
-        self._batches[record.id] = batch
+        async with self._adding:
+            self.admit()
+            results, items = await asyncio.to_thread(prepare)
+            batch = _Batch(record, results, items)
+            self._batches[record.id] = batch
         self._turns.append(batch)
         self._stir.set()
         return _document(record, _counts(batch), self._store.keep)

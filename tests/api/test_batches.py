@@ -59,9 +59,9 @@ def gate(planner_, monkeypatch):
     """Plans are made only while it is set."""
     gate = threading.Event()
 
-    def held(problem):
+    def held(problem, *args):
         gate.wait(20)
-        return planner_(problem)
+        return planner_(problem, *args)
 
     monkeypatch.setattr(planner.plan, "plan", held)
     yield gate
@@ -144,10 +144,10 @@ def test_an_item_that_cannot_be_planned_has_the_problem_a_single_request_gets(cl
 def test_an_item_that_breaks_the_planner_hurts_nobody_else_and_shows_nothing(client, body, monkeypatch):
     real = planner.plan.plan
 
-    def broken(problem):
+    def broken(problem, *args):
         if problem.options.seed == 1:
             raise ZeroDivisionError("secret")
-        return real(problem)
+        return real(problem, *args)
 
     monkeypatch.setattr(planner.plan, "plan", broken)
     seeds = [body | {"options": {"seed": seed}} for seed in (0, 1, 2)]
