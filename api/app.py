@@ -29,11 +29,12 @@ from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.maps import MapStore
 from api.metrics import Metrics
-from api.middleware import Envelope
+from api.middleware import PROBES, Envelope
 from api.planning import answer_plan
 from api.scheduler import Scheduler, scheduler_of
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
+from api.tokens import Guard, Tokens
 from api.validation import validated
 from planner.errors import PlanningError
 from planner.problem import Problem as PlanProblem
@@ -62,6 +63,13 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
         description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
         lifespan=lifespan,
         redoc_url=None,
+        telemetry={
+            "auto_configure": True,  # by the standard's OTEL_… variables; without them, nothing
+            "metrics": False,
+            "logs": False,
+            "operation_spans": False,
+            "exclude": lambda scope: scope.get("path") in PROBES,
+        },
     )
     app.state.settings = settings
     app.state.pool = workers
@@ -71,7 +79,9 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)
-    app.add_middleware(Envelope, metrics=app.state.metrics)
+    if settings.tokens_file is not None:
+        app.add_middleware(Guard, tokens=Tokens(settings.tokens_file))
+    app.add_middleware(Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout)
     for refused in (Refusal, PlanningError):
         app.add_exception_handler(refused, _refused)
     app.add_exception_handler(HTTPException, _http_error)

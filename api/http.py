@@ -117,7 +117,7 @@ def bounded(request: Request, limit: int) -> Request:
 def problems(*codes: str) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route that may refuse with these codes."""
     by_status: dict[int | str, list[str]] = {}
-    for code in (*codes, "not-acceptable", "internal-error"):
+    for code in (*codes, "not-acceptable", "unauthorized", "request-timeout", "internal-error"):
         by_status.setdefault(CODES[code][0], []).append(code)
     schema = {"$ref": "#/components/schemas/Problem"}
     return {

@@ -20,5 +20,18 @@ def log(**fields: Any) -> None:
 
 def log_to_stderr() -> None:
     """Sends our lines, and warnings of the libraries, to standard error."""
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Lines())
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     _logger.setLevel(logging.INFO)
+
+
+class _Lines(logging.Formatter):
+    """Our own lines as they are, and those of the libraries as JSON too."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = super().format(record)
+        if record.name == _logger.name:
+            return text
+        line = {"event": "message", "level": record.levelname.lower(), "logger": record.name, "text": text}
+        return orjson.dumps(line).decode()

@@ -92,7 +92,7 @@ async def answered(
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
-    metrics.planning.labels(problem.robot.drive.kind).observe(answer.seconds)
+    metrics.planned(problem, answer)
     return answer
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, Protocol
 
 from api.settings import Settings
-from api.workers import Pool
+from api.workers import Loss, Pool
 
 __all__ = ["Scheduler", "local_pool", "scheduler_of"]
 
@@ -14,20 +15,24 @@ __all__ = ["Scheduler", "local_pool", "scheduler_of"]
 class Scheduler(Protocol):
     """Runs one function call a worker at a time, in processes that it may kill.
 
-    size      workers that there should be
+    shed      jobs refused so far because too many waited
     restarts  workers replaced so far
-    shed      jobs refused so far because the queue was full
+    losses    workers killed or dead so far, by reason
     draining  whether a shutdown has begun
     """
 
-    size: int
-    restarts: int
     shed: int
+    restarts: int
+    losses: Counter[Loss]
     draining: bool
 
     @property
     def ready(self) -> bool:
-        """Whether jobs are taken: there is a worker, and no shutdown has begun."""
+        """Whether jobs are taken: there has been a worker, and no shutdown has begun."""
+
+    @property
+    def trouble(self) -> str | None:
+        """Why a new client should go elsewhere; None: all is well."""
 
     @property
     def live(self) -> int:
@@ -79,4 +84,10 @@ def scheduler_of(settings: Settings) -> Scheduler:
 
 def local_pool(settings: Settings, size: int) -> Pool:
     """Workers of this machine, with the planner loaded and compiled."""
-    return Pool(size, settings.queue_length, preload=["api.warm"])
+    return Pool(
+        size,
+        settings.queue_length,
+        preload=["api.warm"],
+        queue_timeout=settings.queue_timeout,
+        memory=settings.worker_memory,
+    )

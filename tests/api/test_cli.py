@@ -85,4 +85,4 @@ def test_a_bad_setting_ends_the_command_with_a_sentence(monkeypatch, capsys):
     monkeypatch.setenv("WHEELPLAN_PORT", "http")
     with pytest.raises(SystemExit):
         cli.main(["drives"])
-    assert "WHEELPLAN_PORT must be a int" in capsys.readouterr().err
+    assert "WHEELPLAN_PORT must be a whole number" in capsys.readouterr().err

@@ -22,8 +22,8 @@ CONTRACT = {
 
 def test_the_codes_are_those_of_the_contract_and_a_few_of_ours():
     own = {
-        "not-found": 404, "method-not-allowed": 405, "internal-error": 500, "unknown-batch": 404,
-        "insufficient-storage": 507,
+        "malformed-http": 400, "unauthorized": 401, "not-found": 404, "method-not-allowed": 405,
+        "request-timeout": 408, "internal-error": 500, "unknown-batch": 404, "insufficient-storage": 507,
     }  # fmt: skip
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
 
@@ -108,7 +108,9 @@ def test_metrics_count_requests_plans_and_refusals(client, body, planner_):
         'wheelplan_requests_total{method="POST",route="/v1/plans",status="200"} 1.0',
         'wheelplan_requests_total{method="GET",route="/v1/maps/{id}",status="404"} 1.0',
         'wheelplan_requests_total{method="GET",route="none",status="404"} 1.0',
-        'wheelplan_planning_seconds_count{drive="differential"} 1.0',
+        'wheelplan_planning_seconds_count{drive="differential",planner="fake"} 1.0',
+        'wheelplan_duration_ratio_count{drive="differential"} 1.0',
+        'wheelplan_workers_lost_total{reason="deadline"} 0.0',
         'wheelplan_refused_total{code="limits-infeasible"} 1.0',
         "wheelplan_queue_depth 0.0",
         "wheelplan_worker_restarts_total 0.0",
