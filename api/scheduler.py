@@ -79,7 +79,7 @@ def scheduler_of(settings: Settings) -> Scheduler:
         return local_pool(settings, settings.workers)
     from api.cluster import Cluster  # needs the extra `cluster`, and takes long to import
 
-    return Cluster(settings.scheduler, settings.queue_length)
+    return Cluster(settings.scheduler, settings.queue_length, settings.queue_timeout)
 
 
 def local_pool(settings: Settings, size: int) -> Pool:
