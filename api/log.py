@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from datetime import UTC, datetime
 from typing import Any
 
 import orjson
@@ -15,7 +16,11 @@ _logger = logging.getLogger("wheelplan")
 
 def log(**fields: Any) -> None:
     """Writes one line."""
-    _logger.info(orjson.dumps(fields).decode())
+    _logger.info(orjson.dumps({"time": _now(), **fields}).decode())
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def log_to_stderr() -> None:
@@ -33,5 +38,5 @@ class _Lines(logging.Formatter):
         text = super().format(record)
         if record.name == _logger.name:
             return text
-        line = {"event": "message", "level": record.levelname.lower(), "logger": record.name, "text": text}
+        line = {"time": _now(), "event": "message", "level": record.levelname.lower(), "text": text}
         return orjson.dumps(line).decode()

@@ -55,6 +55,7 @@ class _Workers(Collector):
 
     def collect(self) -> Iterator[Metric]:
         yield GaugeMetricFamily("wheelplan_workers", "Workers that are up.", self.pool.live)
+        yield GaugeMetricFamily("wheelplan_workers_idle", "Workers with nothing to do.", self.pool.spare)
         yield GaugeMetricFamily("wheelplan_queue_depth", "Plans that wait for a worker.", self.pool.queued)
         yield CounterMetricFamily("wheelplan_worker_restarts", "Workers replaced.", self.pool.restarts)
         lost = CounterMetricFamily("wheelplan_workers_lost", "Workers killed or dead.", labels=["reason"])
