@@ -9,7 +9,8 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from api.planning import Answer
-from api.workers import LOSSES, Pool
+from api.scheduler import Scheduler
+from api.workers import LOSSES
 from planner.problem import Problem
 
 __all__ = ["Metrics"]
@@ -21,7 +22,7 @@ _RATIOS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
 class Metrics:
     """The metrics of one application, in a registry of their own."""
 
-    def __init__(self, pool: Pool) -> None:
+    def __init__(self, pool: Scheduler) -> None:
         self.registry = CollectorRegistry()
         ProcessCollector(registry=self.registry)
         self.registry.register(_Workers(pool))
@@ -49,7 +50,7 @@ class Metrics:
 
 
 class _Workers(Collector):
-    def __init__(self, pool: Pool) -> None:
+    def __init__(self, pool: Scheduler) -> None:
         self.pool = pool
 
     def collect(self) -> Iterator[Metric]:

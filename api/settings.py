@@ -66,6 +66,13 @@ class Settings:
     max_map_bytes: Annotated[int, "the largest map upload, yaml and image together"] = 32 << 20
     max_map_cells: Annotated[int, "the largest map, width times height"] = 4096 * 4096
     max_maps: Annotated[int, "maps kept in store"] = 1000
+    max_batches: Annotated[int, "batches that may run at once"] = 8
+    max_batch_bytes: Annotated[int, "the largest body of a batch"] = 16 << 20
+    batch_keep: Annotated[float, "how long the results of a batch are kept after its end, s"] = 86400.0
+    batch_store_bytes: Annotated[int, "results kept at most, in the folder batches; the oldest go first"] = (
+        1 << 30
+    )
+    scheduler: Annotated[str, "a Dask scheduler, tcp://host:port, whose workers plan in place of ours"] = ""
 
     def __post_init__(self) -> None:
         may_be_zero = {"port", "worker_memory", "queue_length", "deadline_grace", "drain_grace"}

@@ -110,6 +110,15 @@ class Pool:
         return self._crashes >= 3 * self.size and time.monotonic() - self._last_crash < _CALM
 
     @property
+    def trouble(self) -> str | None:
+        """Why a new client should go elsewhere; None: all is well."""
+        if self.draining:
+            return "The service is shutting down."
+        if not self._started:
+            return "The service is starting."
+        return "The workers die one after the other." if self.crash_loop else None
+
+    @property
     def live(self) -> int:
         """Workers that are up."""
         return len(self._workers)
