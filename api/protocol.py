@@ -19,8 +19,8 @@ _STALLED = 4
 
 class Protocol(H11Protocol):
     """Closes a connection whose request's head has not arrived within `receive_timeout`; uvicorn itself only
-    closes one that is silent after an answer. Bodies have their deadline in api.middleware. Clients who do not
-    take their answer are given up by the kernel, on Linux."""
+    closes one that is silent after an answer. Bodies have their deadline in api.middleware. A client who does
+    not take its answer is given up by the kernel, on Linux."""
 
     def __init__(self, config: Any, *args: Any, **more: Any) -> None:
         super().__init__(config, *args, **more)
