@@ -55,10 +55,12 @@ async def measure(service: Service, body: bytes, seconds: float, promises: Promi
     target = Target(service.port, body)
     await target.closed(2 * service.workers, 3.0)
     print(f"{'':24}{'plans/s':>8}{'median':>10}{'95 %':>10}{'99 %':>10}   ms; other answers")
-    capacity, alone = 0.0, []
+    capacity, alone, cpu = 0.0, [], {}
     for clients in CLIENTS:
+        cpu[clients] = -service.cpu()
         samples = await target.closed(clients, seconds)
         print(row(f"{clients} clients", samples, seconds))
+        cpu[clients] = 1e3 * (cpu[clients] + service.cpu()) / len(samples)
         capacity = max(capacity, sum(sample.status == 200 for sample in samples) / seconds)
         alone = alone or samples
 
@@ -79,6 +81,7 @@ async def measure(service: Service, body: bytes, seconds: float, promises: Promi
 
     over = [1e3 * (sample.seconds - planning(sample)) for sample in alone if sample.status == 200]
     promises.check("median over planning, 1 client", statistics.median(over), 5.0, " ms")
+    print(f"  CPU time of the server for a request: {cpu[1]:.1f} ms")
     return capacity
 
 

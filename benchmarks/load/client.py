@@ -9,6 +9,9 @@ from dataclasses import dataclass
 __all__ = ["Sample", "Target"]
 
 
+Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """One request: its status (0: no answer came), how long (s) it took, and the body of its answer."""
@@ -25,7 +28,7 @@ class Target:
         head = "POST /v1/plans HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
         self._port = port
         self._request = head.encode() + b"Content-Length: %d\r\n\r\n%b" % (len(body), body)
-        self._idle: list[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = []
+        self._idle: list[Connection] = []
 
     async def closed(self, clients: int, seconds: float) -> list[Sample]:
         """Each client sends its next request when the last has been answered."""
@@ -55,12 +58,12 @@ class Target:
         """One request."""
         began = time.perf_counter()
         try:
-            status, body = await self._exchange(*await self._connection())
+            status, body = await self._exchange(await self._connection())
         except (OSError, EOFError):
             status, body = 0, b""
         return Sample(status, time.perf_counter() - began, body)
 
-    async def _connection(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    async def _connection(self) -> Connection:
         while self._idle:
             reader, writer = self._idle.pop()
             if not reader.at_eof():  # the service closes what has been idle for long
@@ -68,9 +71,8 @@ class Target:
             writer.close()
         return await asyncio.open_connection("127.0.0.1", self._port, limit=1 << 20)
 
-    async def _exchange(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> tuple[int, bytes]:
+    async def _exchange(self, connection: Connection) -> tuple[int, bytes]:
+        reader, writer = connection
         writer.write(self._request)
         head = (await reader.readuntil(b"\r\n\r\n")).lower()
         body = await reader.readexactly(int(head.partition(b"content-length: ")[2].split(b"\r\n")[0]))

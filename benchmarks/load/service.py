@@ -33,6 +33,11 @@ class Service:
             limits = json.load(answer)
         self.workers, self.queue_length = int(limits["workers"]), int(limits["queue_length"])
 
+    def cpu(self) -> float:
+        """CPU time that the server has used, its workers not counted, s."""
+        ticks = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+        return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
+
     def resident(self) -> dict[str, float]:
         """Resident memory (MB) of the server and of each worker, oldest first."""
         parents = {}
