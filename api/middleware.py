@@ -9,6 +9,7 @@ import traceback
 import uuid
 from contextlib import suppress
 
+from opentelemetry import trace
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -48,6 +49,7 @@ class Envelope:
         headers = Headers(scope=scope)
         theirs = headers.get("x-request-id", "")
         request_id = theirs if _ID.fullmatch(theirs) else uuid.uuid4().hex
+        trace.get_current_span().set_attribute("wheelplan.request_id", request_id)
         pending = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
         body = _Body(receive, pending, self.receive_timeout)
         status = 0

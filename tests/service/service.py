@@ -42,7 +42,8 @@ def slow(seconds):
 class Server:
     """Listens on a free port. settings: queue_length=1 sets WHEELPLAN_QUEUE_LENGTH."""
 
-    def __init__(self, data_dir, **settings):
+    def __init__(self, data_dir, token=None, **settings):
+        self.token = token
         given = {f"WHEELPLAN_{name.upper()}": str(value) for name, value in settings.items()}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "api.cli", "serve", "--port", "0"],
@@ -82,7 +83,8 @@ class Server:
         return False
 
     def metric(self, name):
-        for line in self.call("/metrics")[2].decode().splitlines():
+        given = {"Authorization": f"Bearer {self.token}"} if self.token else {}
+        for line in self.call("/metrics", **given)[2].decode().splitlines():
             if line.startswith(name + " "):
                 return float(line.split()[1])
         return 0.0
@@ -117,9 +119,9 @@ class Server:
 
 
 @contextlib.contextmanager
-def serving(data_dir, **settings):
-    """A server that is ready."""
-    server = Server(data_dir, **settings)
+def serving(data_dir, token=None, **settings):
+    """A server that is ready. token: what to show it for its metrics."""
+    server = Server(data_dir, token, **settings)
     try:
         until(lambda: server.ready() or server.process.poll() is not None, 300)
         assert server.process.poll() is None, b"".join(server.log)

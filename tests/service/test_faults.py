@@ -119,7 +119,7 @@ def test_workers_that_crash_in_a_loop_make_the_service_unready_until_they_do_not
         for pid in server.workers():
             os.kill(pid, signal.SIGKILL)
         until(lambda before=before: server.lost("crashed") == before + 2)
-        until(lambda: len(server.workers()) == 2 or not server.ready())
+        until(lambda: server.metric("wheelplan_workers_idle") == 2 or not server.ready())
     until(lambda: server.call("/readyz")[0] == 503, 2)
     assert b"die one after the other" in server.call("/readyz")[2]
     assert server.call("/livez")[0] == 200
