@@ -85,7 +85,7 @@ class Search:
 
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
-        turn = 0
+        turn, found = 0, False
         while not clock() and not self._is_spent(0):
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
@@ -95,12 +95,14 @@ class Search:
             turn += 1
             if guided and route is None:
                 continue
-            path = self._along_route(route, goal) if route is not None else None
+            # Beside a way that is known already, one that a search finds is more often another.
+            path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
                 name = _ROADMAP
             else:
                 path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
             if path is not None:
+                found = True
                 yield name, path
 
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
