@@ -152,6 +152,7 @@ class LimitsAnswer(BaseModel):
     max_map_bytes: int = quantity("Largest map upload, bytes")
     max_map_cells: int = quantity("Largest map, cells")
     max_maps: int = quantity("Maps in store")
+    max_store_bytes: int = quantity("What they may take on disk, bytes")
     max_obstacles: int = quantity("Obstacles in a request")
     max_vertices: int = quantity("Vertices of a polygon")
     max_wheels: int = quantity("Wheels of a drive")

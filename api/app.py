@@ -49,7 +49,7 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.pool = workers
-    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps)
+    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps, settings.max_store_bytes)
     app.state.metrics = Metrics(workers)
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:

@@ -23,8 +23,9 @@ from api.http import (
     settings_of,
     tagged,
 )
-from api.maps import MapStore, decode_map
+from api.maps import MapStore
 from api.negotiation import choose
+from api.occupancy import decode_map
 
 __all__ = ["router"]
 

@@ -49,7 +49,7 @@ async def limits(request: Request) -> Response:
     settings = settings_of(request)
     own = (
         "max_time_budget", "deadline_grace", "max_body_bytes", "max_map_bytes", "max_map_cells", "max_maps",
-        "workers", "queue_length",
+        "max_store_bytes", "workers", "queue_length",
     )  # fmt: skip
     return json_response(
         {name: getattr(settings, name) for name in own}

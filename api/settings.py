@@ -35,6 +35,7 @@ class Settings:
     max_map_bytes         the largest map upload, yaml and image together
     max_map_cells         the largest map, width times height
     max_maps              maps kept in store
+    max_store_bytes       what these may take on disk, all together
     """
 
     host: str = "127.0.0.1"
@@ -49,6 +50,7 @@ class Settings:
     max_map_bytes: int = 32 << 20
     max_map_cells: int = 4096 * 4096
     max_maps: int = 1000
+    max_store_bytes: int = 10 << 30
 
     def __post_init__(self) -> None:
         for name in (
@@ -58,6 +60,7 @@ class Settings:
             "max_map_bytes",
             "max_map_cells",
             "max_maps",
+            "max_store_bytes",
         ):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)!r}")
