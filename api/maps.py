@@ -35,14 +35,17 @@ from drives.se2 import Pose
 from planner.environment import prepare_map
 from planner.problem import MapLayer
 
-__all__ = ["MapStore"]
+__all__ = ["MapStore", "room_or_refusal"]
 
 _GREYS = np.array([254, 0, 205], dtype=np.uint8)
 """What map_saver writes for each kind of cell"""
 
 _ID = re.compile(r"[0-9a-f]{64}")
 _META, _CELLS = "meta.json", "cells.npy"
-_TABLE = "CREATE TABLE IF NOT EXISTS maps (id TEXT PRIMARY KEY, bytes INTEGER NOT NULL, summary TEXT NOT NULL)"
+_TABLE = (
+    "CREATE TABLE IF NOT EXISTS maps (id TEXT PRIMARY KEY, bytes INTEGER NOT NULL, summary TEXT NOT NULL)"
+)
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, "SQLITE_FULL", "SQLITE_IOERR_SHMSIZE", "SQLITE_IOERR_WRITE"}
 _PATIENCE = 30.0
 """How long a change waits for another process's, s"""
 
@@ -60,17 +63,20 @@ class MapStore:
         self._sound: dict[str, tuple[_Seal, dict[str, Any]]] = {}
 
     def add(self, decoded: DecodedMap) -> tuple[dict[str, Any], bool]:
-        """Stores a map; its summary, and whether it is new. One that is damaged is stored afresh. Raises Refusal:
-        quota-exceeded, insufficient-storage."""
+        """Stores a map, afresh where it is damaged; its summary, and whether it is new.
+
+        Raises Refusal: quota-exceeded, insufficient-storage.
+        """
         summary = decoded.summary()
         with suppress(Refusal):
             return self.get(summary["id"]), False
-        with _room_or_refusal(), ExitStack() as held:
+        with room_or_refusal(), ExitStack() as held:
             with self._index() as index:
                 self._check_quota(index, summary["id"], decoded.cells.nbytes)
                 made = Path(tempfile.mkdtemp(prefix=".new-", dir=self.root))
                 held.callback(shutil.rmtree, made, ignore_errors=True)
-                held.enter_context(_locked(made, fcntl.LOCK_SH))
+                unswept = held.enter_context(ExitStack())
+                unswept.enter_context(_locked(made, fcntl.LOCK_SH))
             _write(made / _CELLS, lambda file: np.save(file, decoded.cells))
             prepare_map(MapLayer(summary["id"], made, decoded.resolution, decoded.origin))
             _write(made / _META, lambda file: file.write(orjson.dumps(summary)))
@@ -78,12 +84,19 @@ class MapStore:
             size = _size(made)
             with _opened(made) as descriptor:
                 os.fsync(descriptor)
-            place = self.root / summary["id"]
-            with self._index() as index:
-                self._check_quota(index, summary["id"], size)
-                new = not (place / _META).exists()
-                _insert(index, summary, size)
-                self._publish(made, place)
+            place, new = self.root / summary["id"], False
+            try:
+                with self._index() as index:
+                    unswept.close()  # nobody sweeps meanwhile
+                    self._check_quota(index, summary["id"], size)
+                    _insert(index, summary, size)
+                    new = not (place / _META).exists()
+                    self._publish(made, place)
+            except (OSError, sqlite3.Error):  # it may have appeared, and could not be made to last
+                if new:
+                    with suppress(OSError):
+                        self._vanish(place)
+                raise
         return summary, new
 
     def list(self) -> list[dict[str, Any]]:
@@ -98,7 +111,7 @@ class MapStore:
         return [orjson.loads(summary) for id, summary in rows if (self.root / id / _META).exists()]
 
     def get(self, id: str) -> dict[str, Any]:
-        """The summary of one map, whose cells are what they were. Raises Refusal: unknown-map, map-corrupt."""
+        """The summary of one map, whose digest is right. Raises Refusal: unknown-map, map-corrupt."""
         place = self._place(id)
         try:
             seal = _seal(place / _META)
@@ -154,11 +167,9 @@ class MapStore:
         """Raises Refusal: unknown-map."""
         place = self._place(id)
         try:
-            (place / _META).unlink()
+            self._vanish(place)  # before the index is written: on a full disk, it makes room
         except (FileNotFoundError, NotADirectoryError):
             raise _unknown(id) from None
-        self._sound.pop(id, None)
-        self._discard(place)  # before the index is written: on a full disk, it makes room
         with suppress(sqlite3.Error), self._index() as index:
             if not (place / _META).exists():
                 index.execute("DELETE FROM maps WHERE id = ?", (id,))
@@ -200,7 +211,7 @@ class MapStore:
         return found
 
     def _publish(self, made: Path, place: Path) -> None:
-        """Makes the map appear. Its files replace those of one that is damaged, or deleted and still in use."""
+        """Makes the map appear. Its files replace those of one that is damaged, or deleted but in use."""
         with suppress(FileNotFoundError), _locked(place, fcntl.LOCK_SH) as descriptor:
             if _is(place, descriptor):  # else it is being discarded
                 for file in sorted(made.iterdir(), key=lambda file: file.name == _META):
@@ -210,6 +221,11 @@ class MapStore:
         made.rename(place)
         with _opened(self.root) as descriptor:
             os.fsync(descriptor)
+
+    def _vanish(self, place: Path) -> None:
+        (place / _META).unlink()
+        self._sound.pop(place.name, None)
+        self._discard(place)
 
     def _discard(self, place: Path) -> None:
         """Removes a folder that is no map, unless somebody still uses its files: they do it then."""
@@ -300,13 +316,12 @@ def _is(directory: Path, descriptor: int) -> bool:
 
 
 @contextmanager
-def _room_or_refusal() -> Iterator[None]:
+def room_or_refusal() -> Iterator[None]:
     """Turns a full disk into a Refusal: insufficient-storage."""
     try:
         yield
     except (OSError, sqlite3.OperationalError) as error:
-        full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-        if getattr(error, "errno", None) in full or getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_FULL:
+        if getattr(error, "errno", None) in _FULL or getattr(error, "sqlite_errorname", None) in _FULL:
             detail = "The disk is full. Nothing has been stored."
             raise Refusal("insufficient-storage", detail) from error
         raise

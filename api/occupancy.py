@@ -6,6 +6,7 @@ import hashlib
 import io
 import re
 import struct
+import zlib
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -28,6 +29,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _MOST_CHUNKS = 1 << 16
 _GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
 _PGM = re.compile(rb"P([25])" + 3 * (_GAP + rb"(\d{1,10})") + rb"\s")
+_SPACE = re.compile(rb"\s")
 _LONGEST_HEADER = 4096
 _PIECE = 1 << 18
 
@@ -158,16 +160,22 @@ def _read_png(data: bytes, max_cells: int) -> tuple[NDArray[np.uint8], NDArray[n
     others can be many, or compressed and huge."""
     kept, at, kind = [_PNG], len(_PNG), b""
     for count in range(_MOST_CHUNKS):
-        if at + 12 > len(data) or kind == b"IEND":
+        if kind == b"IEND":
             break
-        length, kind = struct.unpack_from(">I4s", data, at)
-        if count == 0:
-            if kind != b"IHDR" or length != 13 or at + 25 > len(data):
-                raise _unreadable("has no PNG header")
-            _check_size(*struct.unpack_from(">II", data, at + 8), max_cells)
+        length, kind = struct.unpack_from(">I4s", data, at) if at + 12 <= len(data) else (len(data), b"")
+        chunk = data[at : at + 12 + length]
+        if len(chunk) < 12 + length:
+            raise _unreadable("is cut short")
+        if (count == 0) != (kind == b"IHDR"):
+            raise _unreadable("does not begin with one header")
+        if kind == b"IHDR":
+            width, height = struct.unpack_from(">II", chunk.ljust(16, b"\0"), 8)
+            _check_size(width, height, max_cells)
         if kind in (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"):
-            kept.append(data[at : at + 12 + length])
-        at += 12 + length
+            if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:], "big"):
+                raise _unreadable("has a chunk with a wrong checksum")
+            kept.append(chunk)
+        at += len(chunk)
     else:
         raise _unreadable(f"has more than {_MOST_CHUNKS} chunks")
     try:
@@ -209,21 +217,27 @@ def _plain(data: bytes, at: int, count: int) -> NDArray[np.uint16]:
     lock meanwhile."""
     found, left = [np.empty(0, dtype=np.uint16)], count
     while left > 0 and at < len(data):
-        end = at + _PIECE
-        while end < len(data) and not data[end : end + 1].isspace() and end < at + 2 * _PIECE:
-            end += 1
+        end = min(at + _PIECE, len(data))
+        if end < len(data):
+            space = _SPACE.search(data, end, end + _LONGEST_HEADER)
+            if space is None:
+                raise _unreadable("has a pixel that is no number")
+            end = space.start()
         piece = data[at:end]
         if piece.translate(None, b"0123456789 \t\n\v\f\r"):
             raise _unreadable("has a pixel that is no number")
-        numbers = np.fromstring(piece, dtype=np.int64, sep=" ")[:left]
-        found.append(np.clip(numbers, 0, 65535).astype(np.uint16))
-        left, at = left - len(numbers), end
+        if not piece.isspace():
+            numbers = np.fromstring(piece, dtype=np.int64, sep=" ")[:left]
+            found.append(np.clip(numbers, 0, 65535).astype(np.uint16))
+            left -= len(numbers)
+        at = end + 1
     return np.concatenate(found)
 
 
 def _scaled(values: NDArray[np.unsignedinteger[Any]], largest: int) -> NDArray[np.uint8]:
     """0 … largest as the nearest of 0 … 255."""
-    return np.rint(np.arange(largest + 1) * (255 / largest)).astype(np.uint8)[values]
+    scale = np.rint(np.arange(largest + 1) * (255 / largest)).astype(np.uint8)
+    return np.take(scale, values)
 
 
 def _check_size(width: int, height: int, max_cells: int) -> None:

@@ -20,8 +20,9 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def test_the_codes_are_those_of_the_contract_and_three_of_http():
+def test_the_codes_are_those_of_the_contract_three_of_http_and_three_of_the_store():
     own = {"not-found": 404, "method-not-allowed": 405, "internal-error": 500}
+    own |= {"map-corrupt": 500, "insufficient-storage": 507, "quota-exceeded": 507}
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
 
 
