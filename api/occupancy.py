@@ -166,10 +166,10 @@ def _read_png(data: bytes, max_cells: int) -> tuple[NDArray[np.uint8], NDArray[n
         chunk = data[at : at + 12 + length]
         if len(chunk) < 12 + length:
             raise _unreadable("is cut short")
-        if (count == 0) != (kind == b"IHDR"):
-            raise _unreadable("does not begin with one header")
-        if kind == b"IHDR":
-            width, height = struct.unpack_from(">II", chunk.ljust(16, b"\0"), 8)
+        if (count == 0) != (kind == b"IHDR") or (count == 0 and length != 13):
+            raise _unreadable("does not begin with one PNG header")
+        if count == 0:
+            width, height = struct.unpack_from(">II", chunk, 8)
             _check_size(width, height, max_cells)
         if kind in (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"):
             if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:], "big"):
