@@ -10,6 +10,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
+from fastapi_offline import FastAPIOffline
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
@@ -40,12 +41,13 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
         yield
         await workers.close()
 
-    app = FastAPI(
+    app = FastAPIOffline(
         title="wheelplan",
         version=version("wheelplan"),
         description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
         lifespan=lifespan,
         redoc_url=None,
+        swagger_ui_parameters={"validatorUrl": None},  # else the page asks a service on the internet
     )
     app.state.settings = settings
     app.state.pool = workers

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Coroutine
 from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from api.answers import PlanAnswer
@@ -27,6 +27,7 @@ router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
 _FORMATS = {"json": "application/json", "csv": "text/csv", "events": "text/event-stream"}
 _GONE = 499
+_Format = Annotated[str | None, Query(description="json, csv or events; wins over Accept.", examples=["csv"])]
 
 
 @router.post(
@@ -50,7 +51,7 @@ _GONE = 499
     openapi_extra=request_body(PlanRequest),
 )  # fmt: skip
 async def create_plan(
-    request: Request, find_map: Annotated[FindMap, Depends(leased_maps)], format: str | None = None
+    request: Request, find_map: Annotated[FindMap, Depends(leased_maps)], format: _Format = None
 ) -> Response:
     """A certified schedule of wheel speeds from start to goal, or the reason why there is none.
 

@@ -172,7 +172,9 @@ class MapReference(Strict):
     """An uploaded map."""
 
     id: str = quantity("The map's id, 64 hexadecimal digits", example="0" * 64, max_length=256)
-    unknown: Literal["occupied", "free"] = quantity("What unknown cells count as", "", "occupied")
+    unknown: Literal["occupied", "free"] = quantity(
+        "What unknown cells count as", "", "occupied", example="occupied"
+    )
 
 
 class EnvironmentSchema(Strict):
@@ -193,10 +195,10 @@ class OptionsSchema(Strict):
     )
     effort: Literal["first", "good", "best"] = quantity(
         'When to stop improving: "first", at the first certified plan; "good", when it no longer pays; '
-        '"best", when time_budget ends', "", "good",
+        '"best", when time_budget ends', "", "good", example="good",
     )  # fmt: skip
     seed: int = quantity(
-        'Same request and seed, same plan (effort "best" excepted)', "", 0, ge=0, lt=2**31, example=7
+        'Same request and seed, same plan (effort "best" excepted)', "1", 0, ge=0, lt=2**31, example=7
     )
     sample_period: float = quantity(
         "Spacing of the schedule's samples",
@@ -206,8 +208,10 @@ class OptionsSchema(Strict):
         le=SAMPLE_PERIODS[1],
         example=0.02,
     )
-    min_clearance: float = extent("The footprint keeps at least this far from obstacles", 0.0, ge=0, gt=None)
-    reverse: bool = quantity("Whether the robot may drive backwards", "", True)
+    min_clearance: float = extent(
+        "The footprint keeps at least this far from obstacles", 0.0, example=0.05, ge=0, gt=None
+    )
+    reverse: bool = quantity("Whether the robot may drive backwards", "", True, example=True)
     turning_radius: float | None = extent(
         "Floor on the turning radius of a nonholonomic drive", None, example=1.0, ge=0, gt=None
     )
@@ -281,8 +285,9 @@ class InverseRequest(Strict):
     drive: DriveSchema = quantity("The wheels, by type")
     twist: TwistSchema = quantity("The body's velocity")
     steering: dict[WheelName, Angle] | None = quantity(
-        "Present angle of each steered wheel; a powered_caster needs it", "rad", None, max_length=MAX_WHEELS
-    )
+        "Present angle of each steered wheel; a powered_caster needs it",
+        "rad", None, example={"front": 0.3, "rear": 0.3}, max_length=MAX_WHEELS,
+    )  # fmt: skip
 
 
 class ForwardRequest(Strict):
@@ -297,11 +302,13 @@ class ForwardRequest(Strict):
     )
 
     drive: DriveSchema = quantity("The wheels, by type")
-    wheels: _Rates = quantity("Rate of each wheel", "rad/s", max_length=MAX_WHEELS)
+    wheels: _Rates = quantity(
+        "Rate of each wheel", "rad/s", example={"left": 4.5, "right": 5.5}, max_length=MAX_WHEELS
+    )
     steering: dict[WheelName, Angle] = quantity(
-        "Angle of each steered wheel", "rad", {}, max_length=MAX_WHEELS
+        "Angle of each steered wheel", "rad", {}, example={}, max_length=MAX_WHEELS
     )
     steering_rates: _Rates | None = quantity(
         "Rate of each steered wheel; 0 where absent. It matters to powered_caster and synchro",
-        "rad/s", None, max_length=MAX_WHEELS,
+        "rad/s", None, example={"front": 0.0}, max_length=MAX_WHEELS,
     )  # fmt: skip
