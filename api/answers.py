@@ -174,6 +174,10 @@ class LimitsAnswer(BaseModel):
     max_wheels: int = amount("Wheels of a drive", "wheels", example=32)
     max_coordinate: float = amount("Largest |coordinate|", "m", example=1e6)
     max_length: float = amount("Largest length of a robot or obstacle", "m", example=1e3)
+    min_length: float = amount("Smallest length of a robot or obstacle", "m", example=1e-6)
+    min_rate: float = amount(
+        "Smallest limit on a speed, acceleration or jerk", "rad/s, m/s and their derivatives", example=1e-6
+    )
     max_rate: float = amount(
         "Largest limit on a speed, acceleration or jerk", "rad/s, m/s and their derivatives", example=1e6
     )
@@ -194,5 +198,5 @@ class Problem(BaseModel):
         "The code in words", example="A field is missing, of the wrong type or out of range"
     )
     status: int = quantity("HTTP status", "1", example=422, ge=400, le=599)
-    detail: str = quantity("What went wrong this time", example="wheel_radius is -0.1; it must be > 0.")
+    detail: str = quantity("What went wrong this time", example="wheel_radius is -0.1; it must be >= 1e-06.")
     code: str = quantity("Stable name of the kind of problem", "", example="invalid-request")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args,
 from pydantic import BaseModel, Field, create_model
 
 from api.errors import FieldErrors
-from api.fields import LARGEST_LENGTH, Angle, Strict, WheelName, quantity
+from api.fields import LARGEST_LENGTH, SMALLEST_LENGTH, Angle, Strict, WheelName, quantity
 from api.validation import pointer
 from drives import DRIVES
 from drives.drive import Drive, InvalidDrive
@@ -27,7 +27,7 @@ class _Parameter(NamedTuple):
     example: Any
 
 
-_LENGTH = {"gt": 0, "le": LARGEST_LENGTH}
+_LENGTH = {"ge": SMALLEST_LENGTH, "le": LARGEST_LENGTH}
 _ARM = {"ge": -LARGEST_LENGTH, "le": LARGEST_LENGTH}
 _MANY = {"min_length": 1, "max_length": 32}
 _45 = math.pi / 4

@@ -9,13 +9,16 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 __all__ = [
-    "LARGEST_COORDINATE", "LARGEST_LENGTH", "LARGEST_RATE", "Angle", "Coordinate", "Number", "Strict",
-    "WheelName", "amount", "angle", "coordinate", "extent", "quantity", "rate",
+    "LARGEST_COORDINATE", "LARGEST_LENGTH", "LARGEST_RATE", "SMALLEST_LENGTH", "SMALLEST_RATE", "Angle",
+    "Coordinate", "Number", "Strict", "WheelName", "amount", "angle", "coordinate", "extent", "quantity",
+    "rate",
 ]  # fmt: skip
 
 LARGEST_COORDINATE = 1e6
 LARGEST_LENGTH = 1e3
 LARGEST_RATE = 1e6
+SMALLEST_LENGTH = 1e-6
+SMALLEST_RATE = 1e-6
 _LARGEST_NUMBER = sys.float_info.max
 
 
@@ -37,12 +40,14 @@ def quantity(
 
 def extent(description: str, default: Any = ..., *, example: float | None = None, **bounds: Any) -> Any:
     """A positive length, unless bounds say otherwise."""
-    return quantity(description, "m", default, example=example, **{"gt": 0, "le": LARGEST_LENGTH, **bounds})
+    return quantity(
+        description, "m", default, example=example, **{"ge": SMALLEST_LENGTH, "le": LARGEST_LENGTH} | bounds
+    )
 
 
 def rate(description: str, unit: str, default: Any = ..., *, example: float | None = None) -> Any:
     """A positive limit on a speed, an acceleration or a jerk."""
-    return quantity(description, unit, default, example=example, gt=0, le=LARGEST_RATE)
+    return quantity(description, unit, default, example=example, ge=SMALLEST_RATE, le=LARGEST_RATE)
 
 
 def coordinate(description: str, default: Any = ..., *, example: float | None = None) -> Any:

@@ -17,7 +17,7 @@ from PIL import Image
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from api.errors import FieldErrors, Refusal
-from api.fields import LARGEST_COORDINATE, LARGEST_LENGTH
+from api.fields import LARGEST_COORDINATE, LARGEST_LENGTH, SMALLEST_LENGTH
 from api.validation import validated
 from drives.se2 import Pose
 
@@ -79,7 +79,7 @@ _Place = Annotated[_Number, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE)
 class _MapYaml(BaseModel):
     model_config = ConfigDict(allow_inf_nan=False)
 
-    resolution: Annotated[_Number, Field(gt=0, le=LARGEST_LENGTH)]
+    resolution: Annotated[_Number, Field(ge=SMALLEST_LENGTH, le=LARGEST_LENGTH)]
     origin: Annotated[list[_Place], Field(min_length=3, max_length=3)]
     occupied_thresh: Annotated[_Number, Field(ge=0, le=1)]
     free_thresh: Annotated[_Number, Field(ge=0, le=1)]

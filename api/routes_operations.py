@@ -60,6 +60,8 @@ async def limits(request: Request) -> Response:
             "max_coordinate": fields.LARGEST_COORDINATE,
             "max_length": fields.LARGEST_LENGTH,
             "max_rate": fields.LARGEST_RATE,
+            "min_length": fields.SMALLEST_LENGTH,
+            "min_rate": fields.SMALLEST_RATE,
             "sample_period": schemas.SAMPLE_PERIODS,
         }
     )

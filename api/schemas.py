@@ -10,6 +10,7 @@ from api.drive_schemas import EXAMPLES, DriveSchema
 from api.fields import (
     LARGEST_LENGTH,
     LARGEST_RATE,
+    SMALLEST_RATE,
     Angle,
     Coordinate,
     Strict,
@@ -56,7 +57,7 @@ class RectangleFootprint(Strict):
     length: float = extent("Extent along the body's x axis", example=0.8)
     width: float = extent("Extent along the body's y axis", example=0.6)
     offset: float = extent(
-        "How far ahead of the body origin its centre lies", 0.0, ge=-LARGEST_LENGTH, gt=None, example=0.1
+        "How far ahead of the body origin its centre lies", 0.0, ge=-LARGEST_LENGTH, example=0.1
     )
 
 
@@ -73,7 +74,7 @@ def _per_wheel_kind(value: Any) -> str | None:
     return "every wheel" if not isinstance(value, str | list | None) else None
 
 
-_Rate = Annotated[float, Field(gt=0, le=LARGEST_RATE)]
+_Rate = Annotated[float, Field(ge=SMALLEST_RATE, le=LARGEST_RATE)]
 PerWheel = Annotated[
     Annotated[_Rate, Tag("every wheel")] | Annotated[dict[WheelName, _Rate], Tag("by wheel")],
     Discriminator(_per_wheel_kind),
@@ -90,7 +91,7 @@ class LimitsSchema(Strict):
     )
     steering_angle: float | None = quantity(
         "Largest |angle| of any steered wheel; required where the drive is car-like",
-        "rad", None, example=1.1, gt=0, le=100.0,
+        "rad", None, example=1.1, ge=1e-6, le=100.0,
     )  # fmt: skip
     steering_rate: float | None = rate(
         "Largest rate of any steered wheel; required where the drive steers", "rad/s", None, example=2.0
@@ -209,11 +210,11 @@ class OptionsSchema(Strict):
         example=0.02,
     )
     min_clearance: float = extent(
-        "The footprint keeps at least this far from obstacles", 0.0, example=0.05, ge=0, gt=None
+        "The footprint keeps at least this far from obstacles", 0.0, example=0.05, ge=0
     )
     reverse: bool = quantity("Whether the robot may drive backwards", "", True, example=True)
     turning_radius: float | None = extent(
-        "Floor on the turning radius of a nonholonomic drive", None, example=1.0, ge=0, gt=None
+        "Floor on the turning radius of a nonholonomic drive", None, example=1.0, ge=0
     )
 
 
