@@ -100,6 +100,8 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
                 del operation["responses"]["422"]  # FastAPI's own, which cannot happen
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
-        schemas["OptionsSchema"]["properties"]["time_budget"]["maximum"] = settings.max_time_budget
+        budget = schemas["OptionsSchema"]["properties"]["time_budget"]
+        budget["maximum"] = settings.max_time_budget
+        budget["default"] = min(budget["default"], settings.max_time_budget)
         app.openapi_schema = document
     return app.openapi_schema

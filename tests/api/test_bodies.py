@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -210,6 +211,15 @@ def test_the_sentence_names_field_value_and_bound(client, body):
         "value": -0.1,
         "bound": ">= 1e-06",
     }
+
+
+def test_a_time_budget_that_nobody_gave_is_never_too_long(client, settings, planner_, body):
+    client.app.state.settings = replace(settings, max_time_budget=0.25)
+    del body["options"]
+    assert client.post("/v1/plans", json=body).status_code == 200
+    assert planner_.problem.options.time_budget == 0.25
+    body["options"] = {"time_budget": 0.3}
+    assert client.post("/v1/plans", json=body).json()["errors"][0]["bound"] == "<= 0.25"
 
 
 def test_all_bad_fields_are_named_at_once(client, body):
