@@ -51,8 +51,7 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     poses, station = _turned(stations, connector)
     n = len(stations)
     span = n if n <= 4 * _STATIONS else _STATIONS
-    ahead = station[None] - station[:, None]
-    first, second = np.nonzero((ahead > 0) & (ahead <= span))
+    first, second = _ahead(station, span)
     order = np.argsort(station[second], kind="stable")
     first, second = first[order], second[order]
     motions = connector.motions(poses[first], poses[second])
@@ -103,6 +102,15 @@ def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.in
     variants = [np.column_stack([stations[1:-1, :2], turn]) for turn in turns]
     every = [np.arange(n), *(np.arange(1, n - 1) for _ in variants)]
     return np.concatenate([stations, *variants]), np.concatenate(every)
+
+
+def _ahead(station: NDArray[np.intp], span: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All pairs of poses, given the station of each, of which the second is 1 to `span` stations ahead."""
+    order = np.argsort(station, kind="stable")
+    begin, end = (np.searchsorted(station[order], station + k, "right") for k in (0, span))
+    count = end - begin
+    first = np.repeat(np.arange(len(station)), count)
+    return first, order[np.arange(len(first)) + np.repeat(begin - np.cumsum(count) + count, count)]
 
 
 @kernel
