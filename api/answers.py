@@ -186,6 +186,15 @@ class LimitsAnswer(BaseModel):
     )
     workers: int = amount("Plans made at once", "plans", example=4)
     queue_length: int = amount("Plans that may wait", "plans", example=64)
+    queue_timeout: float = amount("How long a plan may wait", "s", example=10.0)
+    receive_timeout: float = amount(
+        "How long a request may take to arrive; large bodies longer", "s", example=8.0
+    )
+    max_batches: int = amount("Batches that may run at once", "batches", example=8)
+    max_batch_requests: int = amount("Plan requests in a batch", "requests", example=1000)
+    max_batch_bytes: int = amount("Largest body of a batch", "bytes", example=8388608)
+    batch_keep: float = amount("How long the results of a batch are kept", "s", example=86400.0)
+    batch_store_bytes: int = amount("Results kept at most; the oldest go first", "bytes", example=1073741824)
 
 
 class Problem(BaseModel):
