@@ -73,7 +73,9 @@ def test_every_answer_is_one_that_the_document_announces(described, mode):
         answer = case.call()
         if answer.status_code >= 500:
             assert answer.json()["code"] in NAMED, answer.text
-        case.validate_response(answer, checks=CHECKS)
+        # A batch is taken with its bad requests: each of them becomes a bad result.
+        lenient = [negative_data_rejection] if case.path == "/v1/batches" else []
+        case.validate_response(answer, checks=[check for check in CHECKS if check not in lenient])
         asked[case.method] += 1
 
     for found in described.get_all_operations():
