@@ -60,7 +60,7 @@ def described(tmp_path_factory):
 
 
 SETTINGS = hypothesis.settings(
-    max_examples=40, derandomize=True, deadline=None, database=None,
+    max_examples=25, derandomize=True, deadline=None, database=None,
     suppress_health_check=list(hypothesis.HealthCheck), phases=[hypothesis.Phase.generate],
 )  # fmt: skip
 
