@@ -13,9 +13,17 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
-from api import routes_drives, routes_kinematics, routes_maps, routes_operations, routes_plans
+from api import (
+    routes_drives,
+    routes_kinematics,
+    routes_maps,
+    routes_operations,
+    routes_plans,
+    routes_robots,
+)
 from api.answers import Problem
 from api.errors import Refusal, problem_response
+from api.factsheet import Factsheet
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import Envelope
@@ -26,7 +34,7 @@ from planner.errors import PlanningError
 
 __all__ = ["create_app"]
 
-_ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_maps, routes_operations)
+_ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_robots, routes_maps, routes_operations)
 
 
 def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
@@ -87,7 +95,7 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
         document = get_openapi(
             title=app.title, version=app.version, description=app.description, routes=app.routes
         )
-        bodies = [(model, "validation") for model in (PlanRequest, InverseRequest, ForwardRequest)]
+        bodies = [(model, "validation") for model in (PlanRequest, InverseRequest, ForwardRequest, Factsheet)]
         answers = [(Problem, "serialization")]
         template = "#/components/schemas/{model}"
         _, extra = models_json_schema([*bodies, *answers], ref_template=template)  # type: ignore[list-item]

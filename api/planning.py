@@ -7,11 +7,12 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import asdict, fields
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from api.errors import Refusal
+from api.formats import FORMATS
 from api.strict_json import write_json
 from api.workers import report
 from drives.se2 import Array
@@ -22,10 +23,8 @@ if TYPE_CHECKING:
     from planner.plan import Plan
 
 __all__ = [
-    "Answer", "MediaType", "answer_plan", "make_plan", "plan_document", "server_sent_event", "stream_plan",
+    "Answer", "answer_plan", "make_plan", "plan_document", "server_sent_event", "stream_plan",
 ]  # fmt: skip
-
-MediaType = Literal["application/json", "text/csv"]
 
 
 class Answer(NamedTuple):
@@ -35,12 +34,13 @@ class Answer(NamedTuple):
     seconds: float
 
 
-def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answer:
-    """Plans. Raises PlanningError, and Refusal where the map has been deleted meanwhile."""
+def answer_plan(problem: Problem, format: str, compress: bool) -> Answer:
+    """Plans, and writes the plan in one of FORMATS. Raises PlanningError, and Refusal: unknown-map where the
+    map has been deleted meanwhile, not-acceptable where the format cannot tell this plan."""
     began = time.perf_counter()
     document = plan_document(problem, make_plan(problem))
     seconds = time.perf_counter() - began
-    body = _csv(document) if media_type == "text/csv" else write_json(document)
+    body = FORMATS[format].write(document, problem)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
     return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 
@@ -113,18 +113,6 @@ def plan_document(problem: Problem, made: Plan) -> dict[str, Any]:
         "certificate": asdict(made.certificate),
         "planning": made.planning,
     }
-
-
-def _csv(document: dict[str, Any]) -> bytes:
-    schedule, trajectory = document["schedule"], document["trajectory"]
-    columns = {
-        "time": schedule["time"],
-        **{name: trajectory[name] for name in ("x", "y", "theta")},
-        **{f"{name}.velocity": series["velocity"] for name, series in schedule["wheels"].items()},
-        **{f"{name}.steering": series["angle"] for name, series in schedule["steering"].items()},
-    }
-    rows = np.column_stack(list(columns.values())).tolist()
-    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows), ""]).encode()
 
 
 def _column(values: Array) -> Array:

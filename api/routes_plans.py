@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Coroutine
-from typing import Any
+from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from api.answers import PlanAnswer
 from api.convert import to_problem
-from api.errors import FieldErrors, Refusal, problem_document
+from api.errors import Refusal, problem_document
+from api.formats import FORMATS, Format, find_format, formats_for, refuse_drive
 from api.http import problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
@@ -25,7 +26,7 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
-_FORMATS = {"json": "application/json", "csv": "text/csv", "events": "text/event-stream"}
+_EVENTS = Format("events", "text/event-stream", "Each better plan as it is found", lambda *_: b"")
 _GONE = 499
 
 
@@ -36,8 +37,12 @@ _GONE = 499
     responses={
         200: {
             "content": {
-                "text/csv": {"schema": {"type": "string"}},
-                "text/event-stream": {"schema": {"type": "string"}},
+                each.media_type: {
+                    "schema": {"description": f"{each.describes}."}
+                    | ({} if each.media_type.endswith("json") else {"type": "string"})
+                }
+                for each in [*FORMATS.values(), _EVENTS]
+                if each.name != "json"
             }
         },
         **problems(
@@ -49,7 +54,16 @@ _GONE = 499
     },
     openapi_extra=request_body(PlanRequest),
 )  # fmt: skip
-async def create_plan(request: Request, format: str | None = None) -> Response:
+async def create_plan(
+    request: Request,
+    format: Annotated[
+        str | None,
+        Query(
+            description=f"What Accept would ask for, by name: {', '.join([*FORMATS, _EVENTS.name])}.",
+            examples=["csv"],
+        ),
+    ] = None,
+) -> Response:
     """A certified schedule of wheel speeds from start to goal, or the reason why there is none.
 
     As text/event-stream, with effort best: each better plan as it is found. An event `plan` holds
@@ -57,21 +71,22 @@ async def create_plan(request: Request, format: str | None = None) -> Response:
     event `problem` holds the problem document, where the rest of the work was lost after a first plan.
     """
     state, settings = request.app.state, settings_of(request)
-    media_type = _media_type(request, format)
+    _wanted(request, format)
     asked = await read_model(request, PlanRequest)
     problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
+    wanted = _wanted(request, format, problem.robot.drive.kind)
     deadline = problem.options.time_budget + settings.deadline_grace
-    if media_type == "text/event-stream":
+    if wanted is _EVENTS:
         events: asyncio.Queue[bytes | None] = asyncio.Queue()
         work = state.pool.run(stream_plan, problem, deadline=deadline, progress=events.put_nowait)
         return await _stream(request, _counted(request, problem, work), events)
     compress = accepts_gzip(request.headers.get("accept-encoding"))
-    work = state.pool.run(answer_plan, problem, media_type, compress, deadline=deadline)
+    work = state.pool.run(answer_plan, problem, wanted.name, compress, deadline=deadline)
     answer: Answer | None = await while_connected(request, _counted(request, problem, work))
     if answer is None:
         return Response(status_code=_GONE)
     headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
-    return Response(answer.body, 200, headers, media_type)
+    return Response(answer.body, 200, headers, wanted.media_type)
 
 
 async def _counted(request: Request, problem: Problem, work: Coroutine[Any, Any, Answer]) -> Answer:
@@ -135,10 +150,13 @@ async def _disconnect(request: Request) -> None:
         pass
 
 
-def _media_type(request: Request, format: str | None) -> str:
+def _wanted(request: Request, format: str | None, drive: str | None = None) -> Format:
+    """The format that ?format= names, or that Accept likes best of those for this type of drive."""
     if format is None:
-        return choose(request.headers.get("accept"), list(_FORMATS.values()))
-    if format not in _FORMATS:
-        detail = f"format must be one of {', '.join(_FORMATS)}."
-        raise FieldErrors([{"parameter": "format", "detail": detail, "value": format[:40]}])
-    return _FORMATS[format]
+        offers = [*formats_for(drive), _EVENTS]
+        best = choose(request.headers.get("accept"), [each.media_type for each in offers])
+        return next(each for each in offers if each.media_type == best)
+    found = _EVENTS if format == _EVENTS.name else find_format(format)
+    if not found.suits(drive):
+        raise refuse_drive(found, str(drive))
+    return found
