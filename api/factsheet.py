@@ -29,9 +29,11 @@ def _either(old: str, new: str, description: str, default: Any = ..., **bounds: 
     return Field(default, validation_alias=AliasChoices(old, new), description=description, **bounds)
 
 
-class _Place(_Part):
-    x: float
-    y: float
+class Place(_Part):
+    """A point of the vehicle's frame, m."""
+
+    x: float = quantity("Ahead", "m")
+    y: float = quantity("To the left", "m")
 
 
 class WheelDefinition(_Part):
@@ -40,7 +42,7 @@ class WheelDefinition(_Part):
     type: str = quantity("DRIVE, CASTER, FIXED or MECANUM")
     isActiveDriven: bool = quantity("Whether it is driven")
     isActiveSteered: bool = quantity("Whether it is steered")
-    position: _Place = quantity("Where it stands in the vehicle's frame", "m")
+    position: Place = quantity("Where it stands in the vehicle's frame", "m")
     diameter: float = quantity("Diameter", "m", gt=0)
     centerDisplacement: float = quantity("How far it trails its pivot", "m", 0.0)
 
@@ -49,7 +51,7 @@ class Envelope(_Part):
     """One of envelopes2d."""
 
     name: str = _either("set", "envelope2dId", "Name of the envelope.")
-    vertices: list[_Place] = _either(
+    vertices: list[Place] = _either(
         "polygonPoints", "vertices", "Its corners.", min_length=3, max_length=MAX_VERTICES
     )
 
