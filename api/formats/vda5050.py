@@ -62,19 +62,19 @@ def write_2_1(plan: PlanDocument, problem: Problem) -> bytes:
 
     manufacturer and serialNumber are empty, for a plan does not know who drives it.
     """
-    edges = _edges(plan, problem)
+    edges, error = _edges(plan, problem)
     order = _order(plan, problem, edges, "2.1.0", datetime.now(UTC))
     for i, (edge, made) in enumerate(zip(edges, order["edges"], strict=True)):
         made["startNodeId"], made["endNodeId"] = order["nodes"][i]["nodeId"], order["nodes"][i + 1]["nodeId"]
         made["maxSpeed"], made["maxRotationSpeed"] = edge.speed, edge.yaw_rate
         made["rotationAllowed"] = edge.in_world
-    return write_json({"order": order, "fitError": _error(edges)})
+    return write_json({"order": order, "fitError": error})
 
 
 def write_3_0(plan: PlanDocument, problem: Problem) -> bytes:
     """The same with the names of 3.0, and "intermediatePath": the plan's samples as a polyline with times of
     arrival, as if the robot left at the order's timestamp."""
-    edges, now = _edges(plan, problem), datetime.now(UTC)
+    (edges, error), now = _edges(plan, problem), datetime.now(UTC)
     order = _order(plan, problem, edges, "3.0.0", now)
     for edge, made in zip(edges, order["edges"], strict=True):
         made["maximumSpeed"], made["maximumRotationSpeed"] = edge.speed, edge.yaw_rate
@@ -87,7 +87,7 @@ def write_3_0(plan: PlanDocument, problem: Problem) -> bytes:
         {"x": px, "y": py, "theta": wrap(float(theta)), "eta": _timestamp(now + timedelta(seconds=float(t)))}
         for px, py, theta, t in zip(x, y, _headings(plan, problem), time, strict=True)
     ]
-    return write_json({"order": order, "intermediatePath": {"polyline": polyline}, "fitError": _error(edges)})
+    return write_json({"order": order, "intermediatePath": {"polyline": polyline}, "fitError": error})
 
 
 def _order(
@@ -144,14 +144,6 @@ def _timestamp(at: datetime) -> str:
     return at.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _error(edges: list[_Edge]) -> dict[str, float]:
-    """The largest over all edges, m and rad."""
-    return {
-        "position": max((edge.curve.position for edge in edges), default=0.0),
-        "heading": max((edge.error for edge in edges), default=0.0),
-    }
-
-
 def _headings(plan: PlanDocument, problem: Problem) -> Array:
     """Where the body points (n,), rad: a synchro drive's does not turn with its wheels."""
     theta = np.asarray(plan["trajectory"]["theta"], float)
@@ -159,8 +151,11 @@ def _headings(plan: PlanDocument, problem: Problem) -> Array:
     return theta if fixed is None else np.full(len(theta), fixed)
 
 
-def _edges(plan: PlanDocument, problem: Problem) -> list[_Edge]:
-    """The parts of the motion. Raises Refusal: not-acceptable beyond LARGEST_ERROR."""
+def _edges(plan: PlanDocument, problem: Problem) -> tuple[list[_Edge], dict[str, float]]:
+    """The parts of the motion, and how far they are from it: position m, heading rad.
+
+    Raises Refusal: not-acceptable beyond LARGEST_ERROR.
+    """
     from scipy.interpolate import CubicHermiteSpline  # only workers need it
 
     drive = problem.robot.drive
@@ -168,16 +163,20 @@ def _edges(plan: PlanDocument, problem: Problem) -> list[_Edge]:
     free = fixed is not None or isinstance(drive.mobility(problem.robot.limits), Holonomic)
     time, velocity = np.asarray(plan["schedule"]["time"], float), world_velocity(plan)
     if len(time) < 2:
-        return []
+        return [], {"position": 0.0, "heading": 0.0}
     body = {name: np.asarray(values, float) for name, values in plan["trajectory"].items()}
     place = CubicHermiteSpline(time, np.column_stack([body["x"], body["y"]]), velocity)
     turn = CubicHermiteSpline(time, _headings(plan, problem), body["omega"] * (fixed is None))
     edges: list[_Edge] = []
-    end = place(time[0])
+    end, off = place(time[0]), 0.0
     for t in _parts(time, velocity):
         points, heading = place(t), turn(t)
-        if np.hypot(*(points - end).T).max() < _SHORTEST:
+        away = np.hypot(*(points - end).T)
+        if away.max() < _SHORTEST:
+            off = max(off, float(away.max()))
             continue
+        # What it drifts while it turns on the spot is left out too.
+        off = max(off, float(away[0]))
         points[0] = end
         moved = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-9])
         t, points, heading = t[moved], points[moved], heading[moved]
@@ -188,8 +187,7 @@ def _edges(plan: PlanDocument, problem: Problem) -> list[_Edge]:
                 curve = fit(points[part], _directions(points[part]), _POSITION, np.inf)
             else:
                 curve = fit(points[part], heading[part] + backwards, _POSITION, _DIRECTION)
-            if curve.position > LARGEST_ERROR:
-                raise Refusal("not-acceptable", f"No curve is within {LARGEST_ERROR:g} m of this plan.")
+            off = max(off, curve.position)
             edges.append(
                 _Edge(
                     curve=curve,
@@ -203,7 +201,10 @@ def _edges(plan: PlanDocument, problem: Problem) -> list[_Edge]:
                 )
             )
         end = points[-1]
-    return edges
+    off = max(off, float(np.hypot(*(place(time[-1]) - end))))
+    if off > LARGEST_ERROR:
+        raise Refusal("not-acceptable", f"The curves are {off:g} m off; at most {LARGEST_ERROR:g} m will do.")
+    return edges, {"position": off, "heading": max((edge.error for edge in edges), default=0.0)}
 
 
 def _parts(time: Array, velocity: Array) -> Iterator[Array]:
