@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from api.errors import Refusal
-from api.formats import FORMATS
+from api.formats import BY_MEDIA_TYPE
 from api.strict_json import write_json
 from api.workers import report
 from drives.se2 import Array
@@ -34,13 +34,16 @@ class Answer(NamedTuple):
     seconds: float
 
 
-def answer_plan(problem: Problem, format: str, compress: bool) -> Answer:
-    """Plans, and writes the plan in one of FORMATS. Raises PlanningError, and Refusal: unknown-map where the
-    map has been deleted meanwhile, not-acceptable where the format cannot tell this plan."""
+def answer_plan(problem: Problem, media_type: str, compress: bool) -> Answer:
+    """Plans, and writes the plan in the format of this media type.
+
+    Raises PlanningError, and Refusal: unknown-map where the map has been deleted meanwhile, not-acceptable
+    where the format cannot tell this plan.
+    """
     began = time.perf_counter()
     document = plan_document(problem, make_plan(problem))
     seconds = time.perf_counter() - began
-    body = FORMATS[format].write(document, problem)
+    body = BY_MEDIA_TYPE[media_type].write(document, problem)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
     return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 

@@ -13,7 +13,7 @@ from fastapi.responses import StreamingResponse
 from api.answers import PlanAnswer
 from api.convert import to_problem
 from api.errors import Refusal, problem_document
-from api.formats import FORMATS, Format, find_format, formats_for, refuse_drive
+from api.formats import BY_MEDIA_TYPE, FORMATS, Format, find_format, formats_for, refuse_drive
 from api.http import problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
@@ -81,7 +81,7 @@ async def create_plan(
         work = state.pool.run(stream_plan, problem, deadline=deadline, progress=events.put_nowait)
         return await _stream(request, _counted(request, problem, work), events)
     compress = accepts_gzip(request.headers.get("accept-encoding"))
-    work = state.pool.run(answer_plan, problem, wanted.name, compress, deadline=deadline)
+    work = state.pool.run(answer_plan, problem, wanted.media_type, compress, deadline=deadline)
     answer: Answer | None = await while_connected(request, _counted(request, problem, work))
     if answer is None:
         return Response(status_code=_GONE)
@@ -153,9 +153,9 @@ async def _disconnect(request: Request) -> None:
 def _wanted(request: Request, format: str | None, drive: str | None = None) -> Format:
     """The format that ?format= names, or that Accept likes best of those for this type of drive."""
     if format is None:
-        offers = [*formats_for(drive), _EVENTS]
-        best = choose(request.headers.get("accept"), [each.media_type for each in offers])
-        return next(each for each in offers if each.media_type == best)
+        offers = [each.media_type for each in [*formats_for(drive), _EVENTS]]
+        best = choose(request.headers.get("accept"), offers)
+        return BY_MEDIA_TYPE.get(best, _EVENTS)
     found = _EVENTS if format == _EVENTS.name else find_format(format)
     if not found.suits(drive):
         raise refuse_drive(found, str(drive))

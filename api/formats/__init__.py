@@ -9,7 +9,7 @@ from api.formats.format import Format, PlanDocument
 from api.strict_json import write_json
 from planner.problem import Problem
 
-__all__ = ["FORMATS", "Format", "PlanDocument", "find_format", "formats_for", "refuse_drive"]
+__all__ = ["BY_MEDIA_TYPE", "FORMATS", "Format", "PlanDocument", "find_format", "formats_for", "refuse_drive"]
 
 
 def _json(plan: PlanDocument, _: Problem) -> bytes:
@@ -67,6 +67,8 @@ FORMATS: dict[str, Format] = {
     )
 }  # fmt: skip
 """Every format by its name, the default first."""
+
+BY_MEDIA_TYPE = {each.media_type: each for each in FORMATS.values()}
 
 
 def find_format(name: str) -> Format:
