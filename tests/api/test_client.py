@@ -115,7 +115,7 @@ def test_an_answer_of_something_in_between_is_a_problem_too(body: dict[str, Any]
 
     with http.server.HTTPServer(("127.0.0.1", 0), Proxy) as proxy:
         threading.Thread(target=proxy.handle_request).start()
-        with Client(f"http://127.0.0.1:{proxy.server_port}") as client:
-            with pytest.raises(Problem, match="502 Bad Gateway") as refused:
-                client.plan(body)
+        client = Client(f"http://127.0.0.1:{proxy.server_port}")
+        with client, pytest.raises(Problem, match="502 Bad Gateway") as refused:
+            client.plan(body)
     assert (refused.value.code, refused.value.status) == ("unknown", 502)
