@@ -90,11 +90,17 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> None:
 
 def draw_file(asked: argparse.Namespace, settings: Settings) -> None:
     """Draws a plan that a file holds, in the world of the request that it answers."""
+    from api.answers import PlanAnswer
+    from api.validation import validated
+
     plan = read_json(asked.plan.read_bytes())
+    validated(PlanAnswer, plan)
     request = plan.get("request") if asked.request is None else read_json(asked.request.read_bytes())
     if request is None:
         raise OSError(f"{asked.plan} does not hold its request; name it with --request")
     with _problem(request, asked.map, settings) as problem:
+        if list(plan["schedule"]["wheels"]) != list(problem.robot.drive.wheel_names):
+            raise OSError(f"{asked.plan} is the plan of another robot than the request's")
         _draw(plan, problem, asked.output)
 
 

@@ -49,6 +49,8 @@ OUTLINES = 24
 """Most footprints drawn between start and goal"""
 SWEPT = 240
 """Most footprints that the swept area is made of, and pieces of the path"""
+CORNERS = 12
+"""Of footprints with so few corners the way of each side is drawn too, between half as many"""
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.int8]
@@ -73,7 +75,11 @@ def draw_plan(problem: Problem, plan: Mapping[str, Any], form: Literal["svg", "p
 
     panel_width = WIDTH - LEFT - RIGHT - GAP - SIDE
     panel_height = panel_width * (view[3] - view[1]) / (view[2] - view[0])
-    height = TOP + panel_height + BOTTOM
+    wheels, steering = plan["schedule"]["wheels"], plan["schedule"]["steering"]
+    labels = [_label(name) for name in wheels]
+    columns = max(1, min(4, int(SIDE / (0.35 + 0.066 * max(map(len, labels))))))
+    legend_rows = math.ceil(min(len(labels), len(WHEELS)) / columns)
+    height = TOP + 0.19 * (legend_rows - 1) + panel_height + BOTTOM
     figure = Figure(figsize=(WIDTH, height), facecolor="white")
     FigureCanvasAgg(figure)
 
@@ -90,7 +96,6 @@ def draw_plan(problem: Problem, plan: Mapping[str, Any], form: Literal["svg", "p
     half = (panel_height - 0.22) / 2
     side = LEFT + panel_width + GAP
     upper, lower = place(side, BOTTOM + half + 0.22, SIDE, half), place(side, BOTTOM, SIDE, half)
-    wheels, steering = plan["schedule"]["wheels"], plan["schedule"]["steering"]
     limits = problem.robot.limits
 
     def column(of: Mapping[str, Any], key: str) -> dict[str, Array]:
@@ -103,7 +108,7 @@ def draw_plan(problem: Problem, plan: Mapping[str, Any], form: Literal["svg", "p
     else:
         accelerations = column(wheels, "acceleration")
         _draw_series(lower, plan, accelerations, limits.wheel_acceleration, "wheel accel. (rad/s²)")
-    _draw_legend(upper)
+    _draw_legend(upper, columns)
     _finish_columns(upper, lower, float(plan["duration"]))
 
     headline = BOTTOM + panel_height + 0.17
@@ -236,16 +241,21 @@ def _draw_motion(
         period = _round_up(duration / OUTLINES)
         at = np.arange(period, duration - period / 3, period)
 
-        def shapes(at: Array) -> list[Array]:
+        def shapes(at: Array) -> Array:
             between = np.column_stack([np.interp(at, time, poses[:, i]) for i in range(3)])
-            return list(_placed(outline, between, np.interp(at, time, headings)))
+            return _placed(outline, between, np.interp(at, time, headings))
 
-        fine = np.linspace(0, duration, min(SWEPT, 4 * len(time)))
-        axes.add_collection(PolyCollection(shapes(fine), facecolors=TRAIL, edgecolors=TRAIL, zorder=1.8))
+        angular = len(outline) <= CORNERS
+        swept = shapes(np.linspace(0, duration, min(SWEPT // (1 + angular), 4 * len(time))))
+        ways = [swept[:-1], np.roll(swept[:-1], -1, 1), np.roll(swept[1:], -1, 1), swept[1:]]
+        area = [*swept, *np.stack(ways, axis=2).reshape(-1, 4, 2)] if angular else list(swept)
+        axes.add_collection(PolyCollection(area, facecolors=TRAIL, edgecolors=TRAIL, zorder=1.8))
         axes.add_collection(
-            PolyCollection(shapes(at), facecolors="none", edgecolors=BODY + "70", linewidths=0.7, zorder=2)
+            PolyCollection(
+                list(shapes(at)), facecolors="none", edgecolors=BODY + "70", linewidths=0.7, zorder=2
+            )
         )
-        knots = np.linspace(0, duration, min(2 * SWEPT, len(time)))
+        knots = np.linspace(0, duration, min(SWEPT, len(time)))
         speed = np.interp(knots, time, _speeds(plan))
         way = np.column_stack([np.interp(knots, time, poses[:, i]) for i in range(2)])
         axes.add_collection(
@@ -317,7 +327,7 @@ def _draw_series(
         same = [other for other in series if np.allclose(series[other], values, atol=1e-6)]
         dashes = "-" if len(same) == 1 else (6 * same.index(name), (6, 6 * (len(same) - 1)))
         axes.plot(time, values, color=colours[name], linewidth=1.3, linestyle=dashes, zorder=2)
-        axes.plot([], [], color=colours[name], linewidth=1.6, label=name.replace("_", " "))
+        axes.plot([], [], color=colours[name], linewidth=1.6, label=_label(name))
 
     low, high = min(map(min, series.values())), max(map(max, series.values()))
     largest = max([*limits.values(), abs(low), abs(high), 1e-9])
@@ -337,11 +347,18 @@ def _draw_series(
     axes.set_ylabel(label)
 
 
-def _draw_legend(axes: Axes) -> None:
+def _label(name: str) -> str:
+    short = name if len(name) <= 24 else f"{name[:11]}…{name[-12:]}"
+    return short.replace("_", " ")
+
+
+def _draw_legend(axes: Axes, columns: int) -> None:
+    # Colours come again after these.
     axes.legend(
+        *(each[: len(WHEELS)] for each in axes.get_legend_handles_labels()),
         loc="lower right",
         bbox_to_anchor=(1.012, 1.0),
-        ncols=4,
+        ncols=columns,
         frameon=False,
         fontsize=8.5,
         handlelength=1.1,

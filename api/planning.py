@@ -5,7 +5,8 @@ from __future__ import annotations
 import gzip
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,7 +44,8 @@ def answer_plan(problem: Problem, media_type: str, compress: bool) -> Answer:
     began = time.perf_counter()
     document = plan_document(problem, make_plan(problem))
     seconds = time.perf_counter() - began
-    body = BY_MEDIA_TYPE[media_type].write(document, problem)
+    with _map_may_go(problem):
+        body = BY_MEDIA_TYPE[media_type].write(document, problem)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
     return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 
@@ -72,9 +74,15 @@ def make_plan(problem: Problem, improved: Callable[[Plan], None] | None = None) 
     the map has been deleted meanwhile."""
     from planner.plan import plan
 
+    with _map_may_go(problem):
+        return plan(problem, improved)
+
+
+@contextmanager
+def _map_may_go(problem: Problem) -> Iterator[None]:
     layer = problem.environment.map
     try:
-        return plan(problem, improved)
+        yield
     except FileNotFoundError:
         if layer is not None and not layer.directory.exists():
             raise Refusal("unknown-map", f"The map {layer.id} has been deleted.") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,7 @@ import pytest
 from PIL import Image
 
 from api import cli
-from api.maps import MapStore, read_map
+from api.maps import DecodedMap, MapStore, read_map
 from api.picture import GOAL, LIMIT, START, TRAIL, WHEELS, draw_plan
 from drives import Ackermann, Differential, Drive, Mecanum, Synchro
 from drives.drive import Limits
@@ -210,6 +211,36 @@ def test_the_command_draws_a_plan_of_the_service_with_its_request_and_map(
     assert cli.main(command) == 2
     assert cli.main([*command, "--request", str(asked)]) == 0
     assert b"<image" in picture.read_bytes()
+
+
+def test_the_command_names_what_is_no_plan_or_another_robots(
+    body: dict[str, Any], planner_: Any, tmp_path: Path, capsys: Any
+) -> None:
+    asked, plan = tmp_path / "request.json", tmp_path / "plan.json"
+    asked.write_text(json.dumps(body))
+    command = ["picture", str(plan), "-o", str(tmp_path / "plan.png"), "--request", str(asked)]
+    plan.write_text("{}")
+    assert cli.main(command) == 1
+    assert "/schedule" in capsys.readouterr().err
+    assert cli.main(["plan", str(asked), "-o", str(plan)]) == 0
+    body["robot"]["drive"] = {"type": "omni", "wheel_radius": 0.1, "robot_radius": 0.3}
+    asked.write_text(json.dumps(body))
+    assert cli.main(command) == 2
+    assert "another robot" in capsys.readouterr().err
+
+
+def test_a_map_that_goes_while_its_plan_is_made_is_unknown(
+    body: dict[str, Any], client: Any, planner_: Any, settings: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded = DecodedMap(np.zeros((40, 40), dtype=np.int8), 0.25, Pose(-5.0, -5.0, 0.0))
+    body["environment"]["map"] = {"id": MapStore(settings.data_dir / "maps", 1).add(decoded)[0]["id"]}
+    assert client.post("/v1/plans?format=svg", json=body).status_code == 200
+    made = planner_.made
+    monkeypatch.setattr(
+        planner_, "made", lambda _: (shutil.rmtree(planner_.problem.environment.map.directory), made(1.0))[1]
+    )
+    answer = client.post("/v1/plans?format=svg", json=body)
+    assert (answer.status_code, answer.json()["code"]) == (404, "unknown-map")
 
 
 def test_the_command_says_what_it_draws(
