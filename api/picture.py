@@ -77,7 +77,7 @@ def draw_plan(problem: Problem, plan: Mapping[str, Any], form: Literal["svg", "p
     panel_height = panel_width * (view[3] - view[1]) / (view[2] - view[0])
     wheels, steering = plan["schedule"]["wheels"], plan["schedule"]["steering"]
     labels = [_label(name) for name in wheels]
-    columns = max(1, min(4, int(SIDE / (0.35 + 0.066 * max(map(len, labels))))))
+    columns = max(1, min(4, int(SIDE / (0.3 + 0.06 * max(map(len, labels))))))
     legend_rows = math.ceil(min(len(labels), len(WHEELS)) / columns)
     height = TOP + 0.19 * (legend_rows - 1) + panel_height + BOTTOM
     figure = Figure(figsize=(WIDTH, height), facecolor="white")
