@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+from pydantic import AliasChoices, BaseModel, ConfigDict
 
-from api.fields import quantity
+from api.fields import LARGEST_LENGTH, LARGEST_RATE, quantity
 from api.schemas import MAX_VERTICES, MAX_WHEELS
 from drives.se2 import Array
 
@@ -25,34 +25,40 @@ class _Part(BaseModel):
     model_config = ConfigDict(strict=True, allow_inf_nan=False, frozen=True)
 
 
-def _either(old: str, new: str, description: str, default: Any = ..., **bounds: Any) -> Any:
-    return Field(default, validation_alias=AliasChoices(old, new), description=description, **bounds)
+def _either(old: str, new: str, description: str, unit: str = "", default: Any = ..., **more: Any) -> Any:
+    """A field that is called `old` in 2.1 and `new` in 3.0."""
+    return quantity(description, unit, default, validation_alias=AliasChoices(old, new), **more)
+
+
+_LENGTH = {"gt": 0, "le": LARGEST_LENGTH}
+_PLACE = {"ge": -LARGEST_LENGTH, "le": LARGEST_LENGTH}
+_RATE = {"gt": 0, "le": LARGEST_RATE}
 
 
 class Place(_Part):
-    """A point of the vehicle's frame, m."""
+    """A point of the vehicle's frame."""
 
-    x: float = quantity("Ahead", "m")
-    y: float = quantity("To the left", "m")
+    x: float = quantity("How far ahead", "m", example=0.4, **_PLACE)
+    y: float = quantity("How far left", "m", example=0.25, **_PLACE)
 
 
 class WheelDefinition(_Part):
     """One of wheelDefinitions."""
 
-    type: str = quantity("DRIVE, CASTER, FIXED or MECANUM")
-    isActiveDriven: bool = quantity("Whether it is driven")
-    isActiveSteered: bool = quantity("Whether it is steered")
-    position: Place = quantity("Where it stands in the vehicle's frame", "m")
-    diameter: float = quantity("Diameter", "m", gt=0)
-    centerDisplacement: float = quantity("How far it trails its pivot", "m", 0.0)
+    type: str = quantity("DRIVE, CASTER, FIXED or MECANUM", "", example="DRIVE", max_length=100)
+    isActiveDriven: bool = quantity("Whether it is driven", "", example=True)
+    isActiveSteered: bool = quantity("Whether it is steered", "", example=False)
+    position: Place = quantity("Where it stands")
+    diameter: float = quantity("Diameter", "m", example=0.2, **_LENGTH)
+    centerDisplacement: float = quantity("How far it trails its pivot", "m", 0.0, example=0.03, **_PLACE)
 
 
 class Envelope(_Part):
     """One of envelopes2d."""
 
-    name: str = _either("set", "envelope2dId", "Name of the envelope.")
+    name: str = _either("set", "envelope2dId", "Name of the envelope", example="empty", max_length=1000)
     vertices: list[Place] = _either(
-        "polygonPoints", "vertices", "Its corners.", min_length=3, max_length=MAX_VERTICES
+        "polygonPoints", "vertices", "Its corners", min_length=3, max_length=MAX_VERTICES
     )
 
 
@@ -60,40 +66,54 @@ class Geometry(_Part):
     """agvGeometry or mobileRobotGeometry."""
 
     wheelDefinitions: list[WheelDefinition] = quantity("The wheels", "", (), max_length=MAX_WHEELS)
-    envelopes2d: list[Envelope] = quantity("The outlines", "", ())
+    envelopes2d: list[Envelope] = quantity("The outlines", "", (), max_length=100)
 
 
 class PhysicalParameters(_Part):
     """What the vehicle may do, and its size."""
 
-    speed: float = _either("speedMax", "maximumSpeed", "Largest speed, m/s.", gt=0)
-    acceleration: float = _either("accelerationMax", "maximumAcceleration", "Largest, m/s^2.", gt=0)
-    deceleration: float = _either("decelerationMax", "maximumDeceleration", "Largest, m/s^2.", gt=0)
-    yaw_rate: float | None = _either("angularSpeedMax", "maximumAngularSpeed", "Largest, rad/s.", None, gt=0)
-    width: float = quantity("Width", "m", gt=0)
-    length: float = quantity("Length", "m", gt=0)
+    speed: float = _either("speedMax", "maximumSpeed", "Largest speed", "m/s", example=1.5, **_RATE)
+    acceleration: float = _either(
+        "accelerationMax", "maximumAcceleration", "Largest acceleration", "m/s^2", example=0.8, **_RATE
+    )
+    deceleration: float = _either(
+        "decelerationMax", "maximumDeceleration", "Largest deceleration", "m/s^2", example=0.6, **_RATE
+    )
+    yaw_rate: float | None = _either(
+        "angularSpeedMax", "maximumAngularSpeed", "Largest yaw rate", "rad/s", None, example=1.0, **_RATE
+    )
+    width: float = quantity("Width", "m", example=0.8, **_LENGTH)
+    length: float = quantity("Length", "m", example=1.2, **_LENGTH)
 
 
 class Factsheet(_Part):
     """The parts of a factsheet message that describe a robot; others are skipped."""
 
     physicalParameters: PhysicalParameters = quantity("Limits and size")
-    geometry: Geometry = _either("agvGeometry", "mobileRobotGeometry", "Wheels and envelopes.")
+    geometry: Geometry = _either("agvGeometry", "mobileRobotGeometry", "Wheels and envelopes")
 
 
 class Gap(BaseModel):
     """What a request needs and the factsheet does not say."""
 
-    pointer: str = quantity("Where it belongs in the answer")
-    detail: str = quantity("What is needed, and why")
+    pointer: str = quantity("Where it belongs in the answer", "", example="/robot/limits/steering_rate")
+    detail: str = quantity(
+        "What is needed, and why",
+        "",
+        example="rad/s; a factsheet does not say how fast wheels are steered.",
+    )
 
 
 class RobotOfFactsheet(BaseModel):
     """A robot, whole where nothing is missing."""
 
-    robot: dict[str, Any] = quantity("As a request has it, less what is missing")
+    robot: dict[str, Any] = quantity(
+        "As a request has it, less what is missing", "", example={"limits": {"linear_speed": 1.5}}
+    )
     missing: list[Gap] = quantity("What to fill in before it can be planned for")
-    notes: list[str] = quantity("What was assumed")
+    notes: list[str] = quantity(
+        "What was assumed", "", example=["slip_coefficient is left at 1; measure it by turning on the spot."]
+    )
 
 
 def robot_of(sheet: Factsheet) -> dict[str, Any]:
