@@ -16,10 +16,11 @@ KERNELS := $(shell cat /dev/null $$(grep -l '^@.*kernel' planner/*.py) | cksum |
 export NUMBA_CACHE_DIR ?= $(CURDIR)/$(VENV)/cache/numba-$(KERNELS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo pictures serve test check lock
+.PHONY: help setup demo demo-cluster pictures serve test check lock
 
 help:
 	@echo "make demo     plan for three robots in a warehouse; pictures and schedules in out/"
+	@echo "make demo-cluster  plan a batch on a Dask cluster of two workers; who planned how much"
 	@echo "make pictures draw the pictures in docs/"
 	@echo "make serve    run the service (WHEELPLAN_HOST, WHEELPLAN_PORT; WHEELPLAN_DATA_DIR: out/data)"
 	@echo "make test     run the tests"
@@ -39,6 +40,9 @@ $(STAMP): requirements-dev.lock pyproject.toml
 
 demo: setup
 	$(BIN)/python examples/demo.py
+
+demo-cluster: setup
+	$(BIN)/python examples/cluster.py
 
 # On a machine that has time: "good" stops where planning takes too long.
 pictures: setup

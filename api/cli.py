@@ -1,4 +1,4 @@
-"""The command `wheelplan`: serve, plan one request without a server, draw a plan, list the drives."""
+"""The command `wheelplan`: serve, plan or draw without a server, list the drives and the settings."""
 
 from __future__ import annotations
 
@@ -28,16 +28,21 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         settings = Settings.from_environment()
+        if asked.command == "serve":
+            given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
+            settings = replace(settings, **given)
     except ValueError as error:
         parser.error(str(error))
     if asked.command == "serve":
-        given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
         from api.server import serve  # every command is quicker without what the others need
 
-        return serve(replace(settings, **given))
+        return serve(settings)
     files = {"plan": plan_file, "picture": draw_file, "robot": robot_file}
     if asked.command in files:
         return _status(lambda: files[asked.command](asked, settings))
+    if asked.command == "settings":
+        _list_settings(settings)
+        return 0
     from api.routes_drives import catalogue
 
     _write(catalogue(), None)
@@ -64,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     robot_command = commands.add_parser("robot", help="the robot of a VDA 5050 factsheet, and what it lacks")
     robot_command.add_argument("factsheet", type=Path, help="a factsheet message, as a file")
     commands.add_parser("drives", help="list the drives, with a JSON schema and an example each")
+    commands.add_parser("settings", help="list the settings: environment variable, value, default, meaning")
     return parser
 
 
@@ -153,6 +159,13 @@ def _draw(plan: Any, problem: Problem, to: Path) -> None:
     if to.suffix not in (".svg", ".png"):
         raise OSError(f"{to} is neither an .svg nor a .png")
     to.write_bytes(FORMATS[to.suffix[1:]].write(plan, problem))
+
+
+def _list_settings(settings: Settings) -> None:
+    rows = [("variable", "value", "default", "meaning"), *settings.table()]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    for *cells, meaning in rows:
+        print(*(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)), meaning, sep="  ")
 
 
 def _best_so_far(problem: Problem) -> Plan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import http.server
 import socket
 import threading
@@ -73,6 +74,36 @@ def test_a_refusal_has_its_code_and_its_pointers(
     assert (refused.value.code, refused.value.status) == ("invalid-request", 422)
     assert set(refused.value.pointers) == {"/robot/limits/wheel_speed", "/start/x"}
     assert refused.value.retry_after is None
+
+
+def test_a_batch_gives_a_plan_or_a_problem_for_each_request(wheelplan: Client, body: dict[str, Any]) -> None:
+    bad = copy.deepcopy(body)
+    del bad["start"]["x"]
+    good, refused = sorted(wheelplan.batch([body | {"name": "dock-7"}, bad]), key=lambda result: result.index)
+    assert (good.name, good.problem, refused.plan) == ("dock-7", None, None)
+    assert good.plan is not None
+    assert good.plan.duration == 0.04
+    assert refused.problem is not None
+    assert refused.problem.pointers == ["/start/x"]
+
+
+def test_a_batch_that_is_left_early_is_cancelled(
+    wheelplan: Client, body: dict[str, Any], planner_: FakePlanner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, started = planner_.made, []
+
+    def slowly(duration: float) -> Any:
+        started.append(duration)
+        time.sleep(0.2)
+        return made(duration)
+
+    monkeypatch.setattr(planner_, "made", slowly)
+    batch = wheelplan.batch([body] * 20)
+    next(batch)
+    batch.close()
+    count = len(started)
+    time.sleep(0.5)
+    assert len(started) <= count + 1 < 20
 
 
 def test_kinematics_there_and_back(wheelplan: Client) -> None:
