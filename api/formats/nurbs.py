@@ -53,11 +53,11 @@ def fit(points: Array, directions: Array, position: float, direction: float) -> 
             )
         )
         poor = np.flatnonzero((off > position) | (turned > direction))
-        low, high = np.unique(np.searchsorted(chosen, poor)), chosen
-        low = low[(low > 0) & (low < len(high))]
-        middle = np.searchsorted(s, (s[high[low - 1]] + s[high[low]]) / 2)
-        middle = np.clip(middle, high[low - 1] + 1, high[low] - 1)
-        added = middle[middle > high[low - 1]]
-        if not added.size:
+        after = np.unique(np.searchsorted(chosen, poor).clip(1, len(chosen) - 1))
+        low, high = chosen[after - 1], chosen[after]
+        wide = high - low > 1
+        low, high = low[wide], high[wide]
+        if not low.size:
             return Curve(spline.t, spline.c, float(off.max()), float(turned.max()))
+        added = np.searchsorted(s, (s[low] + s[high]) / 2).clip(low + 1, high - 1)
         chosen = np.union1d(chosen, added)
