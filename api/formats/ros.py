@@ -21,8 +21,8 @@ _FRAME = "map"
 
 
 def write_trajectory(plan: PlanDocument, _: Problem) -> bytes:
-    """nav_msgs/Trajectory: poses in the frame `map`; velocities and accelerations in the body frame, as the twist
-    of nav_msgs/Odometry is.
+    """nav_msgs/Trajectory: poses in the frame `map`; velocities and accelerations in the body frame, like the
+    twist of nav_msgs/Odometry.
 
     An acceleration is the mean rate of change of the twist's components until the next point. `effort` is
     left out: the message says NaN for unknown, which JSON cannot.
