@@ -139,7 +139,8 @@ def _status(work: Callable[[], None]) -> int:
 def _problem(request: Any, map_yaml: Path | None, settings: Settings) -> Iterator[Problem]:
     """The problem that a request states, its map from this yaml or from the store of the service."""
     from api.convert import to_problem
-    from api.maps import MapStore, read_map
+    from api.maps import MapStore
+    from api.occupancy import read_map
     from api.schemas import PlanRequest
     from api.validation import validated
 

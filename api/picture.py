@@ -24,7 +24,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from api.maps import UNKNOWN as UNKNOWN_CELL
+from api.occupancy import UNKNOWN as UNKNOWN_CELL
 from planner.problem import Circle as DiscObstacle
 from planner.problem import Environment, Footprint, MapLayer, Problem
 

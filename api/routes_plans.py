@@ -7,15 +7,15 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.datastructures import State
 
 from api.answers import PlanAnswer
-from api.convert import to_problem
+from api.convert import FindMap, to_problem
 from api.errors import Refusal, problem_document
 from api.formats import BY_MEDIA_TYPE, FORMATS, Format, find_format, formats_for, refuse_drive
-from api.http import problems, read_model, request_body, settings_of
+from api.http import leased_maps, problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
 from api.planning import Answer, answer_plan, server_sent_event, stream_plan
@@ -30,6 +30,8 @@ router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
 _EVENTS = Format("events", "text/event-stream", "Each better plan as it is found", lambda *_: b"")
 _GONE = 499
+_NAMES = ", ".join([*FORMATS, _EVENTS.name])
+_Wanted = Annotated[str | None, Query(description=f"One of {_NAMES}; wins over Accept.", examples=["csv"])]
 
 
 @router.post(
@@ -51,20 +53,13 @@ _GONE = 499
             "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request",
             "invalid-geometry", "start-in-collision", "goal-in-collision", "start-out-of-bounds",
             "goal-out-of-bounds", "no-path-exists", "no-path-found", "limits-infeasible", "unknown-map",
-            "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
+            "map-corrupt", "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
         ),
     },
     openapi_extra=request_body(PlanRequest),
 )  # fmt: skip
 async def create_plan(
-    request: Request,
-    format: Annotated[
-        str | None,
-        Query(
-            description=f"What Accept would ask for, by name: {', '.join([*FORMATS, _EVENTS.name])}.",
-            examples=["csv"],
-        ),
-    ] = None,
+    request: Request, find_map: Annotated[FindMap, Depends(leased_maps)], format: _Wanted = None
 ) -> Response:
     """A certified schedule of wheel speeds from start to goal, or the reason why there is none.
 
@@ -75,7 +70,7 @@ async def create_plan(
     state, settings = request.app.state, settings_of(request)
     _wanted(request, format)
     asked = await read_model(request, PlanRequest)
-    problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
+    problem = await anyio.to_thread.run_sync(to_problem, asked, find_map, settings.max_time_budget)
     wanted = _wanted(request, format, problem.robot.drive.kind)
     if wanted is _EVENTS:
         events: asyncio.Queue[bytes | None] = asyncio.Queue()

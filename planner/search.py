@@ -41,7 +41,7 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
 _REPEATED = 3
-_STRIDE, _STEP, _BEYOND = 12.0, 1.0, 2.0
+_STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
 
@@ -126,9 +126,10 @@ class Search:
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
         if route is not None:
-            planner.setRange(_STRIDE * route.reach)
+            planner.setRange(max(_STRIDE * route.reach, _LEAST * route.length))
         elif name == "BKPIECE1":
-            planner.setRange(_STEP * float(world.kernel[REACH] + world.kernel[RADIUS]))
+            reach = float(world.kernel[REACH] + world.kernel[RADIUS])
+            planner.setRange(max(_STEP * reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0

@@ -19,6 +19,7 @@ __all__ = ["shorten"]
 _STATIONS = 24
 """Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
 than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
+_MOST_STATIONS = 1000
 _LAZY = 40
 """How often a choice may turn out not to be free before all motions are checked."""
 _ROUNDS = 4
@@ -50,8 +51,7 @@ def _shortcut(path: Path, connector: Connector) -> Path:
     poses, station = _turned(stations, connector)
     n = len(stations)
     span = n if n <= 4 * _STATIONS else _STATIONS
-    ahead = station[None] - station[:, None]
-    first, second = np.nonzero((ahead > 0) & (ahead <= span))
+    first, second = _ahead(station, span)
     order = np.argsort(station[second], kind="stable")
     first, second = first[order], second[order]
     motions = connector.motions(poses[first], poses[second])
@@ -102,6 +102,15 @@ def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.in
     variants = [np.column_stack([stations[1:-1, :2], turn]) for turn in turns]
     every = [np.arange(n), *(np.arange(1, n - 1) for _ in variants)]
     return np.concatenate([stations, *variants]), np.concatenate(every)
+
+
+def _ahead(station: NDArray[np.intp], span: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All pairs of poses, given the station of each, of which the second is 1 to `span` stations ahead."""
+    order = np.argsort(station, kind="stable")
+    begin, end = (np.searchsorted(station[order], station + k, "right") for k in (0, span))
+    count = end - begin
+    first = np.repeat(np.arange(len(station)), count)
+    return first, order[np.arange(len(first)) + np.repeat(begin - np.cumsum(count) + count, count)]
 
 
 @kernel
@@ -158,7 +167,7 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
 def _stations(path: Path) -> tuple[Array, Path]:
     """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    wanted = max(_STATIONS, ways.sum())
+    wanted = min(max(_STATIONS, ways.sum()), _MOST_STATIONS)
     shares = np.maximum(1, np.floor(wanted * ways / ways.sum())).astype(int)
     parts = tuple(
         piece.part(k / n, (k + 1) / n)

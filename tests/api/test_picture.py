@@ -14,7 +14,8 @@ import pytest
 from PIL import Image
 
 from api import cli
-from api.maps import DecodedMap, MapStore, read_map
+from api.maps import MapStore
+from api.occupancy import DecodedMap, read_map
 from api.picture import GOAL, LIMIT, START, TRAIL, WHEELS, draw_plan
 from drives import Ackermann, Differential, Drive, Mecanum, Synchro
 from drives.drive import Limits
