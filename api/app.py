@@ -21,13 +21,15 @@ from api import (
     routes_maps,
     routes_operations,
     routes_plans,
-)  # fmt: skip
+    routes_robots,
+)
 from api.answers import Problem
 from api.batch_schemas import BatchItem, BatchLine, BatchRequest
 from api.batch_store import BatchStore
 from api.batches import Batches
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
+from api.factsheet import Factsheet
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import PROBES, Envelope
@@ -42,7 +44,10 @@ from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app"]
 
-_ROUTES = (routes_plans, routes_batches, routes_kinematics, routes_drives, routes_maps, routes_operations)
+_ROUTES = (
+    routes_plans, routes_batches, routes_kinematics, routes_drives, routes_robots, routes_maps,
+    routes_operations,
+)  # fmt: skip
 
 
 def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
@@ -135,7 +140,8 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
             title=app.title, version=app.version, description=app.description, routes=app.routes
         )
         bodies = [
-            (model, "validation") for model in (PlanRequest, BatchRequest, InverseRequest, ForwardRequest)
+            (model, "validation")
+            for model in (PlanRequest, BatchRequest, InverseRequest, ForwardRequest, Factsheet)
         ]
         answers = [(Problem, "serialization"), (BatchLine, "serialization")]
         template = "#/components/schemas/{model}"

@@ -26,7 +26,7 @@ def test_every_route_of_the_contract_is_described(document):
         "DELETE /v1/batches/{id}", "GET /v1/drives", "POST /v1/kinematics/inverse",
         "POST /v1/kinematics/forward", "POST /v1/maps", "GET /v1/maps", "GET /v1/maps/{id}",
         "GET /v1/maps/{id}/image", "DELETE /v1/maps/{id}", "GET /livez", "GET /readyz", "GET /metrics",
-        "GET /v1/limits",
+        "GET /v1/limits", "POST /v1/robots/from-factsheet",
     }  # fmt: skip
     for _, operation in operations(document):
         assert operation["summary"]
