@@ -16,11 +16,12 @@ KERNELS := $(shell cat /dev/null $$(grep -l '^@.*kernel' planner/*.py) | cksum |
 export NUMBA_CACHE_DIR ?= $(CURDIR)/$(VENV)/cache/numba-$(KERNELS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-cluster serve test check lock
+.PHONY: help setup demo demo-cluster pictures serve test check lock
 
 help:
 	@echo "make demo     plan for three robots in a warehouse; pictures and schedules in out/"
 	@echo "make demo-cluster  plan a batch on a Dask cluster of two workers; who planned how much"
+	@echo "make pictures draw the pictures in docs/"
 	@echo "make serve    run the service (WHEELPLAN_HOST, WHEELPLAN_PORT; WHEELPLAN_DATA_DIR: out/data)"
 	@echo "make test     run the tests"
 	@echo "make check    formatting, lint, types and the arrows between the packages"
@@ -42,6 +43,14 @@ demo: setup
 
 demo-cluster: setup
 	$(BIN)/python examples/cluster.py
+
+# On a machine that has time: "good" stops where planning takes too long.
+pictures: setup
+	for drive in ackermann mecanum swerve tricycle; do \
+	  $(BIN)/wheelplan plan examples/$$drive.json --format png -o docs/$$drive.png || exit 1; \
+	done
+	$(BIN)/wheelplan plan examples/warehouse/ackermann.json --map examples/warehouse/warehouse.yaml \
+	  --format png -o docs/demo-ackermann.png
 
 serve: export WHEELPLAN_DATA_DIR ?= $(CURDIR)/out/data
 serve: setup

@@ -10,6 +10,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
+from fastapi_offline import FastAPIOffline
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
@@ -20,13 +21,15 @@ from api import (
     routes_maps,
     routes_operations,
     routes_plans,
-)  # fmt: skip
+    routes_robots,
+)
 from api.answers import Problem
 from api.batch_schemas import BatchItem, BatchLine, BatchRequest
 from api.batch_store import BatchStore
 from api.batches import Batches
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
+from api.factsheet import Factsheet
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import PROBES, Envelope
@@ -41,7 +44,10 @@ from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app"]
 
-_ROUTES = (routes_plans, routes_batches, routes_kinematics, routes_drives, routes_maps, routes_operations)
+_ROUTES = (
+    routes_plans, routes_batches, routes_kinematics, routes_drives, routes_robots, routes_maps,
+    routes_operations,
+)  # fmt: skip
 
 
 def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
@@ -57,12 +63,13 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
         await app.state.batches.close()
         await workers.close()
 
-    app = FastAPI(
+    app = FastAPIOffline(
         title="wheelplan",
         version=version("wheelplan"),
         description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
         lifespan=lifespan,
         redoc_url=None,
+        swagger_ui_parameters={"validatorUrl": None},  # else the page asks a service on the internet
         telemetry={
             "auto_configure": True,  # by the standard's OTEL_… variables; without them, nothing
             "metrics": False,
@@ -73,7 +80,7 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.pool = workers
-    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps)
+    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps, settings.max_store_bytes)
     app.state.batches = _batches(app, workers)
     app.state.metrics = Metrics(workers, app.state.batches)
     app.state.decoding = asyncio.Lock()
@@ -97,7 +104,11 @@ def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
         return to_problem(asked, app.state.maps.layer, settings.max_time_budget)
 
     async def plan(problem: PlanProblem) -> bytes:
-        return (await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)).body
+        with app.state.maps.leased() as find_map:
+            if problem.environment.map is not None:
+                find_map(problem.environment.map.id)
+            made = await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)
+            return made.body
 
     store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
     return Batches(scheduler, store, read, plan, settings.max_batches)
@@ -129,7 +140,8 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
             title=app.title, version=app.version, description=app.description, routes=app.routes
         )
         bodies = [
-            (model, "validation") for model in (PlanRequest, BatchRequest, InverseRequest, ForwardRequest)
+            (model, "validation")
+            for model in (PlanRequest, BatchRequest, InverseRequest, ForwardRequest, Factsheet)
         ]
         answers = [(Problem, "serialization"), (BatchLine, "serialization")]
         template = "#/components/schemas/{model}"
@@ -141,6 +153,8 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
                 del operation["responses"]["422"]  # FastAPI's own, which cannot happen
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
-        schemas["OptionsSchema"]["properties"]["time_budget"]["maximum"] = settings.max_time_budget
+        budget = schemas["OptionsSchema"]["properties"]["time_budget"]
+        budget["maximum"] = settings.max_time_budget
+        budget["default"] = min(budget["default"], settings.max_time_budget)
         app.openapi_schema = document
     return app.openapi_schema

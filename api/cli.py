@@ -1,4 +1,4 @@
-"""The command `wheelplan`: serve, plan one request without a server, list the drives and the settings."""
+"""The command `wheelplan`: serve, plan or draw without a server, list the drives and the settings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import argparse
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,8 +37,9 @@ def main(arguments: list[str] | None = None) -> int:
         from api.server import serve  # every command is quicker without what the others need
 
         return serve(settings)
-    if asked.command == "plan":
-        return plan_file(asked, settings)
+    files = {"plan": plan_file, "picture": draw_file, "robot": robot_file}
+    if asked.command in files:
+        return _status(lambda: files[asked.command](asked, settings))
     if asked.command == "settings":
         _list_settings(settings)
         return 0
@@ -57,46 +59,107 @@ def _parser() -> argparse.ArgumentParser:
     plan_command.add_argument("request", type=Path, help="what you would post to /v1/plans, as a file")
     plan_command.add_argument("--map", type=Path, help="map_server yaml that becomes environment.map")
     plan_command.add_argument("-o", "--output", type=Path, help="where the plan goes (standard output)")
-    plan_command.add_argument("--picture", type=Path, help="draw the plan to this file")
+    plan_command.add_argument("--format", default="json", help="as ?format= (json)")
+    plan_command.add_argument("--picture", type=Path, help="draw the plan to this .svg or .png too")
+    picture_command = commands.add_parser("picture", help="draw a plan: floor plan and wheel charts")
+    picture_command.add_argument("plan", type=Path, help="a plan, as a file")
+    picture_command.add_argument("-o", "--output", type=Path, required=True, help="the .svg or .png")
+    picture_command.add_argument("--request", type=Path, help="what was asked, where PLAN does not hold it")
+    picture_command.add_argument("--map", type=Path, help="map_server yaml of environment.map")
+    robot_command = commands.add_parser("robot", help="the robot of a VDA 5050 factsheet, and what it lacks")
+    robot_command.add_argument("factsheet", type=Path, help="a factsheet message, as a file")
     commands.add_parser("drives", help="list the drives, with a JSON schema and an example each")
     commands.add_parser("settings", help="list the settings: environment variable, value, default, meaning")
     return parser
 
 
-def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
-    """Plans one request in this process; 1, and the problem on standard error, where there is no plan."""
-    from api.convert import to_problem
-    from api.errors import Refusal, problem_document
-    from api.maps import MapStore, read_map
+def plan_file(asked: argparse.Namespace, settings: Settings) -> None:
+    """Plans one request in this process."""
+    from api.formats import find_format, refuse_drive
     from api.planning import plan_document
-    from api.schemas import PlanRequest
+
+    wanted = find_format(asked.format)
+    request = read_json(asked.request.read_bytes())
+    with _problem(request, asked.map, settings) as problem:
+        if not wanted.suits(problem.robot.drive.kind):
+            raise refuse_drive(wanted, problem.robot.drive.kind)
+        plan = plan_document(problem, _best_so_far(problem))
+        if wanted.name == "json":
+            _write({**plan, "request": request}, asked.output)
+        elif asked.output is None:
+            sys.stdout.buffer.write(wanted.write(plan, problem))
+        else:
+            asked.output.write_bytes(wanted.write(plan, problem))
+        if asked.picture is not None:
+            _draw(plan, problem, asked.picture)
+
+
+def draw_file(asked: argparse.Namespace, settings: Settings) -> None:
+    """Draws a plan that a file holds, in the world of the request that it answers."""
+    from api.answers import PlanAnswer
     from api.validation import validated
+
+    plan = read_json(asked.plan.read_bytes())
+    validated(PlanAnswer, plan)
+    request = plan.get("request") if asked.request is None else read_json(asked.request.read_bytes())
+    if request is None:
+        raise OSError(f"{asked.plan} does not hold its request; name it with --request")
+    with _problem(request, asked.map, settings) as problem:
+        if list(plan["schedule"]["wheels"]) != list(problem.robot.drive.wheel_names):
+            raise OSError(f"{asked.plan} is the plan of another robot than the request's")
+        _draw(plan, problem, asked.output)
+
+
+def robot_file(asked: argparse.Namespace, settings: Settings) -> None:
+    """Writes the robot that a factsheet describes to standard output."""
+    from api.factsheet import Factsheet, robot_of
+    from api.validation import validated
+
+    _write(robot_of(validated(Factsheet, read_json(asked.factsheet.read_bytes()))), None)
+
+
+def _status(work: Callable[[], None]) -> int:
+    """Does the work; 1 and the problem on standard error where it is refused, 2 where a file is at fault."""
+    from api.errors import Refusal, problem_document
     from planner.errors import PlanningError
 
-    with tempfile.TemporaryDirectory(prefix="wheelplan-") as scratch:
-        try:
-            request = read_json(asked.request.read_bytes())
-            maps = MapStore(settings.data_dir / "maps", settings.max_maps)
-            if asked.map is not None:
-                maps = MapStore(Path(scratch), 1)
-                map_id = maps.add(read_map(asked.map, settings.max_map_cells))[0]["id"]
-                with suppress(AttributeError):  # what is no object, validation names below
-                    request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
-            problem = to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
-            plan = read_json(write_json(plan_document(problem, _best_so_far(problem))))
-        except MalformedJson as error:
-            return _refuse(problem_document(Refusal("malformed-json", str(error))))
-        except (Refusal, PlanningError) as error:
-            return _refuse(problem_document(error))
-        except OSError as error:
-            print(f"wheelplan: {error}", file=sys.stderr)
-            return 2
-        _write(plan, asked.output)
-        if asked.picture is not None:
-            from api.picture import draw_plan
-
-            draw_plan(request, plan, asked.picture, asked.map)
+    try:
+        work()
+    except MalformedJson as error:
+        return _refuse(problem_document(Refusal("malformed-json", str(error))))
+    except (Refusal, PlanningError) as error:
+        return _refuse(problem_document(error))
+    except OSError as error:
+        print(f"wheelplan: {error}", file=sys.stderr)
+        return 2
     return 0
+
+
+@contextmanager
+def _problem(request: Any, map_yaml: Path | None, settings: Settings) -> Iterator[Problem]:
+    """The problem that a request states, its map from this yaml or from the store of the service."""
+    from api.convert import to_problem
+    from api.maps import MapStore
+    from api.occupancy import read_map
+    from api.schemas import PlanRequest
+    from api.validation import validated
+
+    with tempfile.TemporaryDirectory(prefix="wheelplan-") as scratch:
+        maps = MapStore(settings.data_dir / "maps", settings.max_maps)
+        if map_yaml is not None:
+            maps = MapStore(Path(scratch), 1)
+            map_id = maps.add(read_map(map_yaml, settings.max_map_cells))[0]["id"]
+            with suppress(AttributeError):  # what is no object, validation names below
+                request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
+        yield to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
+
+
+def _draw(plan: Any, problem: Problem, to: Path) -> None:
+    from api.formats import FORMATS
+
+    if to.suffix not in (".svg", ".png"):
+        raise OSError(f"{to} is neither an .svg nor a .png")
+    to.write_bytes(FORMATS[to.suffix[1:]].write(plan, problem))
 
 
 def _list_settings(settings: Settings) -> None:

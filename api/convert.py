@@ -38,7 +38,7 @@ from planner.problem import (
     Robot,
 )
 
-__all__ = ["by_name", "to_problem"]
+__all__ = ["FindMap", "by_name", "to_problem"]
 
 FindMap = Callable[[str], MapLayer]
 
@@ -190,8 +190,12 @@ def _bounds(environment: EnvironmentSchema, errors: Errors) -> Bounds | None:
 
 
 def _options(options: OptionsSchema, max_time_budget: float, errors: Errors) -> Options:
-    if options.time_budget > max_time_budget:
-        detail = f"time_budget is {options.time_budget:g}; it must be <= {max_time_budget:g}."
+    time_budget = options.time_budget
+    if "time_budget" not in options.model_fields_set:
+        time_budget = min(time_budget, max_time_budget)
+    if time_budget > max_time_budget:
+        detail = f"time_budget is {time_budget:g}; it must be <= {max_time_budget:g}."
         bound = f"<= {max_time_budget:g}"
-        errors.add(("options", "time_budget"), detail, value=options.time_budget, bound=bound)
-    return Options(**dict(options) | {"turning_radius": options.turning_radius or 0.0})
+        errors.add(("options", "time_budget"), detail, value=time_budget, bound=bound)
+    own = {"time_budget": time_budget, "turning_radius": options.turning_radius or 0.0}
+    return Options(**dict(options) | own)

@@ -6,15 +6,14 @@ asked for. It is used through Figure and a canvas, never pyplot, which keeps sta
 
 from __future__ import annotations
 
+import io
 import itertools
 import math
-import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
-import yaml
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
@@ -25,14 +24,15 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from api.maps import UNKNOWN as UNKNOWN_CELL
-from api.maps import DecodedMap, decode_map
+from api.occupancy import UNKNOWN as UNKNOWN_CELL
+from planner.problem import Circle as DiscObstacle
+from planner.problem import Environment, Footprint, MapLayer, Problem
 
 __all__ = ["LIMIT", "draw_plan"]
 
 INK, SOFT, FAINT = "#2d3440", "#6b7480", "#d9dde2"
 WALL, UNKNOWN, FREE, SOLID = "#3c4552", "#e4e7eb", "#ffffff", "#b3bac4"
-BODY, START, GOAL = "#2f6db3", "#2e8b57", "#c8641e"
+BODY, TRAIL, START, GOAL = "#2f6db3", "#e4eef8", "#2e8b57", "#c8641e"
 LIMIT = "#c0392b"
 """Colour of a limit, used for nothing else"""
 WHEELS = ("#3a6ea5", "#d98c3f", "#4a9b6e", "#8d6cab", "#7a6a58", "#3fa7b5", "#c978a8", "#7f858d")
@@ -47,30 +47,39 @@ ASPECTS = (1.05, 1.8)
 """Width to height of the left panel, least and most"""
 OUTLINES = 24
 """Most footprints drawn between start and goal"""
+SWEPT = 240
+"""Most footprints that the swept area is made of, and pieces of the path"""
+CORNERS = 12
+"""Of footprints with so few corners the way of each side is drawn too, between half as many"""
 
 Array = NDArray[np.float64]
+Cells = NDArray[np.int8]
 Box = tuple[float, float, float, float]
 
 
-def draw_plan(
-    request: Mapping[str, Any], plan: Mapping[str, Any], path: Path, map_yaml: Path | None = None
-) -> None:
-    """Draw one answered request as a PNG, 1800 pixels wide.
+def draw_plan(problem: Problem, plan: Mapping[str, Any], form: Literal["svg", "png"]) -> bytes:
+    """One plan as an SVG, or as a PNG 1800 pixels wide.
 
-    request and plan are the bodies of POST /v1/plans and of its answer; map_yaml is the map_server file of
-    the map that the request names, without which the map is left out. Left: the environment, the path of the
-    body origin coloured by speed, and the footprint at even intervals of time. Right: each wheel's rate and,
-    below, the steering angles or, where nothing steers, the wheels' accelerations, with their limits dashed.
+    plan is the answer of POST /v1/plans to the problem. Left: the environment, the path of the body origin
+    coloured by speed, and the footprint at even intervals of time. Right: each wheel's rate and, below, the
+    steering angles or, where nothing steers, the wheels' accelerations, with their limits dashed. Raises
+    FileNotFoundError where the problem's map has been deleted.
     """
     poses = np.column_stack([np.asarray(plan["trajectory"][k], float) for k in ("x", "y", "theta")])
-    outline = _outline(request["robot"]["footprint"])
-    headings = _body_headings(request, poses)
-    layer = None if map_yaml is None else _read_map(map_yaml)
-    view = _view(request["environment"], layer, _placed(outline, poses, headings))
+    outline = _outline(problem.robot.footprint)
+    fixed = problem.robot.drive.fixed_body_heading
+    headings = poses[:, 2] if fixed is None else np.full(len(poses), fixed)
+    layer = problem.environment.map
+    cells = None if layer is None else np.load(layer.directory / "cells.npy", mmap_mode="r")
+    view = _view(problem.environment, cells, _placed(outline, poses, headings))
 
     panel_width = WIDTH - LEFT - RIGHT - GAP - SIDE
     panel_height = panel_width * (view[3] - view[1]) / (view[2] - view[0])
-    height = TOP + panel_height + BOTTOM
+    wheels, steering = plan["schedule"]["wheels"], plan["schedule"]["steering"]
+    labels = [_label(name) for name in wheels]
+    columns = max(1, min(4, int(SIDE / (0.3 + 0.06 * max(map(len, labels))))))
+    legend_rows = math.ceil(min(len(labels), len(WHEELS)) / columns)
+    height = TOP + 0.19 * (legend_rows - 1) + panel_height + BOTTOM
     figure = Figure(figsize=(WIDTH, height), facecolor="white")
     FigureCanvasAgg(figure)
 
@@ -78,7 +87,7 @@ def draw_plan(
         return figure.add_axes((left / WIDTH, bottom / height, width / WIDTH, tall / height))
 
     floor = place(LEFT, BOTTOM, panel_width, panel_height)
-    _draw_environment(floor, request["environment"], layer, view)
+    _draw_environment(floor, problem.environment, cells, view)
     period = _draw_motion(floor, plan, poses, headings, outline)
     if len(poses) > 1:
         bar = place(LEFT + panel_width - 1.7, BOTTOM + panel_height + 0.2, 1.0, 0.08)
@@ -87,23 +96,23 @@ def draw_plan(
     half = (panel_height - 0.22) / 2
     side = LEFT + panel_width + GAP
     upper, lower = place(side, BOTTOM + half + 0.22, SIDE, half), place(side, BOTTOM, SIDE, half)
-    wheels, steering = plan["schedule"]["wheels"], plan["schedule"]["steering"]
-    limits = request["robot"]["limits"]
+    limits = problem.robot.limits
 
-    def column(of: Mapping[str, Any], key: str) -> dict[str, Sequence[float]]:
-        return {name: values[key] for name, values in of.items()}
+    def column(of: Mapping[str, Any], key: str) -> dict[str, Array]:
+        return {name: np.asarray(values[key], float) for name, values in of.items()}
 
-    _draw_series(upper, plan, column(wheels, "velocity"), limits["wheel_speed"], "wheel rate (rad/s)")
+    _draw_series(upper, plan, column(wheels, "velocity"), limits.wheel_speed, "wheel rate (rad/s)")
     if steering:
-        _draw_series(lower, plan, column(steering, "angle"), limits.get("steering_angle"), "steering (rad)")
+        allowed = np.full(len(steering), limits.steering_angle)
+        _draw_series(lower, plan, column(steering, "angle"), allowed, "steering (rad)")
     else:
         accelerations = column(wheels, "acceleration")
-        _draw_series(lower, plan, accelerations, limits["wheel_acceleration"], "wheel accel. (rad/s²)")
-    _draw_legend(upper)
+        _draw_series(lower, plan, accelerations, limits.wheel_acceleration, "wheel accel. (rad/s²)")
+    _draw_legend(upper, columns)
     _finish_columns(upper, lower, float(plan["duration"]))
 
     headline = BOTTOM + panel_height + 0.17
-    name = str(request["robot"]["drive"]["type"]).replace("_", " ").capitalize()
+    name = problem.robot.drive.kind.replace("_", " ").capitalize()
     title = figure.text(LEFT / WIDTH, headline / height, name, size=14, weight="bold", color=INK)
     extent = title.get_window_extent()
     figure.text(
@@ -116,32 +125,22 @@ def draw_plan(
     if period is not None:
         note = f"outlines {period:g} s apart"
         figure.text((LEFT + panel_width) / WIDTH, 0.145 / height, note, size=8.5, color=SOFT, ha="right")
-    figure.savefig(path, dpi=DPI, format="png")
+    buffer = io.BytesIO()
+    # Without these two an SVG would differ from one drawing to the next.
+    with rc_context({"svg.hashsalt": "wheelplan"}):
+        figure.savefig(buffer, dpi=DPI, format=form, metadata={"Date": None} if form == "svg" else None)
+    return buffer.getvalue()
 
 
 # ---------------------------------------------------------------- geometry
 
 
-def _outline(footprint: Mapping[str, Any]) -> Array:
-    """The footprint's corners (n, 2) in the body frame, m; a circle as a fine polygon."""
-    kind = footprint["type"]
-    if kind == "circle":
-        around = np.linspace(0, 2 * np.pi, 72, endpoint=False)
-        return float(footprint["radius"]) * np.column_stack([np.cos(around), np.sin(around)])
-    if kind == "rectangle":
-        half = np.array([footprint["length"], footprint["width"]], float) / 2
-        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-        return np.asarray(corners + np.array([footprint.get("offset", 0.0), 0.0]))
-    return np.asarray(footprint["vertices"], float)
-
-
-def _body_headings(request: Mapping[str, Any], poses: Array) -> Array:
-    """Heading (n,) of the footprint. A synchro drive turns its wheels and leaves its body as it stands."""
-    drive = request["robot"]["drive"]
-    if drive["type"] != "synchro":
-        return np.asarray(poses[:, 2])
-    fixed = drive.get("body_heading")
-    return np.full(len(poses), request["start"]["theta"] if fixed is None else fixed)
+def _outline(footprint: Footprint) -> Array:
+    """The footprint's corners (n, 2) in the body frame, m; a disc as a fine polygon."""
+    if len(footprint.vertices) > 1:
+        return footprint.vertices
+    around = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    return footprint.vertices + footprint.radius * np.column_stack([np.cos(around), np.sin(around)])
 
 
 def _placed(outline: Array, poses: Array, headings: Array) -> Array:
@@ -156,34 +155,28 @@ def _speeds(plan: Mapping[str, Any]) -> Array:
     return np.asarray(np.hypot(plan["trajectory"]["vx"], plan["trajectory"]["vy"]), float)
 
 
-def _read_map(map_yaml: Path) -> DecodedMap:
-    description = map_yaml.read_bytes()
-    image = map_yaml.parent / str(yaml.safe_load(description)["image"])
-    return decode_map(description, image.read_bytes(), sys.maxsize)
-
-
-def _known_corners(layer: DecodedMap) -> Array:
+def _known_corners(layer: MapLayer, cells: Cells) -> Array:
     """Corners (4, 2), in the world frame, of the part of a map that is not all unknown at its edges."""
-    rows, columns = np.nonzero(layer.cells != UNKNOWN_CELL)
+    rows, columns = np.nonzero(cells != UNKNOWN_CELL)
     if not rows.size:
-        rows, columns = (np.array([0, n - 1]) for n in layer.cells.shape)
+        rows, columns = (np.array([0, n - 1]) for n in cells.shape)
     x_min, x_max = columns.min() * layer.resolution, (columns.max() + 1) * layer.resolution
     y_min, y_max = rows.min() * layer.resolution, (rows.max() + 1) * layer.resolution
     corners = np.array([[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]])
     return np.asarray(_placed(corners, np.array([layer.origin]), np.array([layer.origin.theta]))[0])
 
 
-def _view(environment: Mapping[str, Any], layer: DecodedMap | None, footprints: Array) -> Box:
+def _view(environment: Environment, cells: Cells | None, footprints: Array) -> Box:
     """What the left panel shows: the whole environment, or where the motion is if that is a small part."""
     points = footprints.reshape(-1, 2)
     near_min, near_max = points.min(axis=0), points.max(axis=0)
     margin = 0.12 * float((near_max - near_min).max())
     low, high = near_min - margin, near_max + margin
-    worlds = [] if layer is None else [_known_corners(layer)]
-    if (bounds := environment.get("bounds")) is not None:
-        worlds.append(
-            np.array([[bounds["x_min"], bounds["y_min"]], [bounds["x_max"], bounds["y_max"]]], float)
-        )
+    worlds = []
+    if environment.map is not None and cells is not None:
+        worlds.append(_known_corners(environment.map, cells))
+    if (box := environment.bounds) is not None:
+        worlds.append(np.array([[box.x_min, box.y_min], [box.x_max, box.y_max]], float))
     if worlds:
         world_low = np.max([w.min(axis=0) for w in worlds], axis=0)
         world_high = np.min([w.max(axis=0) for w in worlds], axis=0)
@@ -202,14 +195,13 @@ def _view(environment: Mapping[str, Any], layer: DecodedMap | None, footprints: 
 # ---------------------------------------------------------------- left panel
 
 
-def _draw_environment(
-    axes: Axes, environment: Mapping[str, Any], layer: DecodedMap | None, view: Box
-) -> None:
+def _draw_environment(axes: Axes, environment: Environment, cells: Cells | None, view: Box) -> None:
     axes.set_facecolor(UNKNOWN)
-    if layer is not None:
-        tall, wide = np.array(layer.cells.shape) * layer.resolution
+    layer = environment.map
+    if layer is not None and cells is not None:
+        tall, wide = np.array(cells.shape) * layer.resolution
         image = axes.imshow(
-            layer.cells,
+            cells,
             cmap=ListedColormap([FREE, WALL, UNKNOWN]),
             vmin=0,
             vmax=2,
@@ -220,19 +212,18 @@ def _draw_environment(
         )
         x, y, yaw = layer.origin
         image.set_transform(Affine2D().rotate(yaw).translate(x, y) + axes.transData)
-    if (bounds := environment.get("bounds")) is not None:
-        corner = bounds["x_min"], bounds["y_min"]
-        wide, tall = bounds["x_max"] - corner[0], bounds["y_max"] - corner[1]
+    if (box := environment.bounds) is not None:
+        corner, wide, tall = (box.x_min, box.y_min), box.x_max - box.x_min, box.y_max - box.y_min
         fill = FREE if layer is None else "none"
         axes.add_patch(
             Rectangle(corner, wide, tall, facecolor=fill, edgecolor=WALL, linewidth=1.4, zorder=0.5)
         )
-    for obstacle in environment.get("obstacles") or []:
+    for obstacle in environment.obstacles:
         style: dict[str, Any] = {"facecolor": SOLID, "edgecolor": WALL, "linewidth": 0.9, "zorder": 1}
-        if obstacle["type"] == "circle":
-            axes.add_patch(Circle(obstacle["center"], obstacle["radius"], **style))
+        if isinstance(obstacle, DiscObstacle):
+            axes.add_patch(Circle((obstacle.x, obstacle.y), obstacle.radius, **style))
         else:
-            axes.add_patch(Polygon(obstacle["vertices"], closed=True, joinstyle="round", **style))
+            axes.add_patch(Polygon(obstacle.vertices, closed=True, joinstyle="round", **style))
     axes.set(xlim=(view[0], view[2]), ylim=(view[1], view[3]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
     step = _round_up((view[2] - view[0]) / 12)
     axes.xaxis.set_major_locator(MultipleLocator(step))
@@ -249,16 +240,27 @@ def _draw_motion(
     if len(poses) > 1:
         period = _round_up(duration / OUTLINES)
         at = np.arange(period, duration - period / 3, period)
-        between = np.column_stack([np.interp(at, time, poses[:, i]) for i in range(3)])
-        shapes = _placed(outline, between, np.interp(at, time, headings))
+
+        def shapes(at: Array) -> Array:
+            between = np.column_stack([np.interp(at, time, poses[:, i]) for i in range(3)])
+            return _placed(outline, between, np.interp(at, time, headings))
+
+        angular = len(outline) <= CORNERS
+        swept = shapes(np.linspace(0, duration, min(SWEPT // (1 + angular), 4 * len(time))))
+        ways = [swept[:-1], np.roll(swept[:-1], -1, 1), np.roll(swept[1:], -1, 1), swept[1:]]
+        area = [*swept, *np.stack(ways, axis=2).reshape(-1, 4, 2)] if angular else list(swept)
+        axes.add_collection(PolyCollection(area, facecolors=TRAIL, edgecolors=TRAIL, zorder=1.8))
         axes.add_collection(
-            PolyCollection(list(shapes), facecolors="none", edgecolors=BODY + "70", linewidths=0.7, zorder=2)
+            PolyCollection(
+                list(shapes(at)), facecolors="none", edgecolors=BODY + "70", linewidths=0.7, zorder=2
+            )
         )
-        speed = _speeds(plan)
-        pieces = np.stack([poses[:-1, :2], poses[1:, :2]], axis=1)
+        knots = np.linspace(0, duration, min(SWEPT, len(time)))
+        speed = np.interp(knots, time, _speeds(plan))
+        way = np.column_stack([np.interp(knots, time, poses[:, i]) for i in range(2)])
         axes.add_collection(
             LineCollection(
-                list(pieces),
+                list(np.stack([way[:-1], way[1:]], axis=1)),
                 array=(speed[1:] + speed[:-1]) / 2,
                 cmap=SPEED,
                 norm=Normalize(0, max(float(speed.max()), 1e-9)),
@@ -269,9 +271,9 @@ def _draw_motion(
         )
     # The arrow stays readable where the robot is small on a large floor.
     reach = max(float(np.hypot(*outline.T).max()), 0.035 * float(np.ptp(axes.get_xlim())))
-    for index, colour in ((0, START), (-1, GOAL)):
+    for index, colour, tint in ((0, START, "#dcefe4"), (-1, GOAL, "#fae6d7")):
         shape = _placed(outline, poses[[index]], headings[[index]])[0]
-        axes.add_patch(Polygon(shape, facecolor=colour + "1f", edgecolor=colour, linewidth=1.7, zorder=4))
+        axes.add_patch(Polygon(shape, facecolor=tint, edgecolor=colour, linewidth=1.7, zorder=2.5))
         x, y, theta = poses[index]
         axes.add_patch(
             FancyArrow(
@@ -311,23 +313,21 @@ def _draw_speed_bar(axes: Axes, speed: Array) -> None:
 
 
 def _draw_series(
-    axes: Axes, plan: Mapping[str, Any], series: Mapping[str, Sequence[float]], limit: Any, label: str
+    axes: Axes, plan: Mapping[str, Any], series: Mapping[str, Array], limit: Array, label: str
 ) -> None:
-    """One line for each name, in its wheel's colour, and the limits dashed.
+    """One line for each name, in its wheel's colour, and the limits (one for each, inf: none) dashed.
 
-    limit is the contract's: a number for every wheel or one for each name, or None. Where wheels have limits
-    of their own, a mark in the wheel's colour says whose each is.
+    Where wheels have limits of their own, a mark in the wheel's colour says whose each is.
     """
     time = np.asarray(plan["schedule"]["time"], float)
     colours = dict(zip(plan["schedule"]["wheels"], itertools.cycle(WHEELS)))
-    named = limit if isinstance(limit, Mapping) else dict.fromkeys(series, limit)
-    limits = {name: float(named[name]) for name in series if named.get(name) is not None}
+    limits = {name: float(most) for name, most in zip(series, limit, strict=True) if math.isfinite(most)}
     for name, values in series.items():
         # Wheels that do the same share one line, each in its own dashes.
         same = [other for other in series if np.allclose(series[other], values, atol=1e-6)]
         dashes = "-" if len(same) == 1 else (6 * same.index(name), (6, 6 * (len(same) - 1)))
         axes.plot(time, values, color=colours[name], linewidth=1.3, linestyle=dashes, zorder=2)
-        axes.plot([], [], color=colours[name], linewidth=1.6, label=name.replace("_", " "))
+        axes.plot([], [], color=colours[name], linewidth=1.6, label=_label(name))
 
     low, high = min(map(min, series.values())), max(map(max, series.values()))
     largest = max([*limits.values(), abs(low), abs(high), 1e-9])
@@ -347,11 +347,18 @@ def _draw_series(
     axes.set_ylabel(label)
 
 
-def _draw_legend(axes: Axes) -> None:
+def _label(name: str) -> str:
+    short = name if len(name) <= 24 else f"{name[:11]}…{name[-12:]}"
+    return short.replace("_", " ")
+
+
+def _draw_legend(axes: Axes, columns: int) -> None:
+    # Colours come again after these.
     axes.legend(
+        *(each[: len(WHEELS)] for each in axes.get_legend_handles_labels()),
         loc="lower right",
         bbox_to_anchor=(1.012, 1.0),
-        ncols=4,
+        ncols=columns,
         frameon=False,
         fontsize=8.5,
         handlelength=1.1,

@@ -5,13 +5,15 @@ from __future__ import annotations
 import gzip
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, fields
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from api.errors import Refusal
+from api.formats import BY_MEDIA_TYPE
 from api.strict_json import write_json
 from api.workers import report
 from drives.se2 import Array
@@ -22,11 +24,9 @@ if TYPE_CHECKING:
     from planner.plan import Plan
 
 __all__ = [
-    "Answer", "MediaType", "answer_plan", "duration_ratio", "make_plan", "plan_document",
-    "server_sent_event", "stream_plan",
+    "Answer", "answer_plan", "duration_ratio", "make_plan", "plan_document", "server_sent_event",
+    "stream_plan",
 ]  # fmt: skip
-
-MediaType = Literal["application/json", "text/csv"]
 
 
 class Answer(NamedTuple):
@@ -39,13 +39,18 @@ class Answer(NamedTuple):
     duration_ratio: float
 
 
-def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answer:
-    """Plans. Raises PlanningError, and Refusal where the map has been deleted meanwhile."""
+def answer_plan(problem: Problem, media_type: str, compress: bool) -> Answer:
+    """Plans, and writes the plan in the format of this media type.
+
+    Raises PlanningError, and Refusal: unknown-map where the map has been deleted meanwhile, not-acceptable
+    where the format cannot tell this plan.
+    """
     began = time.perf_counter()
     made = make_plan(problem)
     document = plan_document(problem, made)
     seconds = time.perf_counter() - began
-    body = _csv(document) if media_type == "text/csv" else write_json(document)
+    with _map_may_go(problem):
+        body = BY_MEDIA_TYPE[media_type].write(document, problem)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
     return _answer(problem, made, gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 
@@ -90,9 +95,15 @@ def make_plan(problem: Problem, improved: Callable[[Plan], None] | None = None) 
     the map has been deleted meanwhile."""
     from planner.plan import plan
 
+    with _map_may_go(problem):
+        return plan(problem, improved)
+
+
+@contextmanager
+def _map_may_go(problem: Problem) -> Iterator[None]:
     layer = problem.environment.map
     try:
-        return plan(problem, improved)
+        yield
     except FileNotFoundError:
         if layer is not None and not layer.directory.exists():
             raise Refusal("unknown-map", f"The map {layer.id} has been deleted.") from None
@@ -134,18 +145,6 @@ def plan_document(problem: Problem, made: Plan) -> dict[str, Any]:
         "certificate": asdict(made.certificate),
         "planning": made.planning,
     }
-
-
-def _csv(document: dict[str, Any]) -> bytes:
-    schedule, trajectory = document["schedule"], document["trajectory"]
-    columns = {
-        "time": schedule["time"],
-        **{name: trajectory[name] for name in ("x", "y", "theta")},
-        **{f"{name}.velocity": series["velocity"] for name, series in schedule["wheels"].items()},
-        **{f"{name}.steering": series["angle"] for name, series in schedule["steering"].items()},
-    }
-    rows = np.column_stack(list(columns.values())).tolist()
-    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows), ""]).encode()
 
 
 def _column(values: Array) -> Array:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine
-from typing import Any
+from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.datastructures import State
 
 from api.answers import PlanAnswer
-from api.convert import to_problem
-from api.errors import FieldErrors, Refusal, problem_document
-from api.http import problems, read_model, request_body, settings_of
+from api.convert import FindMap, to_problem
+from api.errors import Refusal, problem_document
+from api.formats import BY_MEDIA_TYPE, FORMATS, Format, find_format, formats_for, refuse_drive
+from api.http import leased_maps, problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
 from api.planning import Answer, answer_plan, server_sent_event, stream_plan
@@ -27,8 +28,10 @@ __all__ = ["answered", "router"]
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
-_FORMATS = {"json": "application/json", "csv": "text/csv", "events": "text/event-stream"}
+_EVENTS = Format("events", "text/event-stream", "Each better plan as it is found", lambda *_: b"")
 _GONE = 499
+_NAMES = ", ".join([*FORMATS, _EVENTS.name])
+_Wanted = Annotated[str | None, Query(description=f"One of {_NAMES}; wins over Accept.", examples=["csv"])]
 
 
 @router.post(
@@ -38,20 +41,26 @@ _GONE = 499
     responses={
         200: {
             "content": {
-                "text/csv": {"schema": {"type": "string"}},
-                "text/event-stream": {"schema": {"type": "string"}},
+                each.media_type: {
+                    "schema": {"description": f"{each.describes}."}
+                    | ({} if each.media_type.endswith("json") else {"type": "string"})
+                }
+                for each in [*FORMATS.values(), _EVENTS]
+                if each.name != "json"
             }
         },
         **problems(
             "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request",
             "invalid-geometry", "start-in-collision", "goal-in-collision", "start-out-of-bounds",
             "goal-out-of-bounds", "no-path-exists", "no-path-found", "limits-infeasible", "unknown-map",
-            "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
+            "map-corrupt", "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
         ),
     },
     openapi_extra=request_body(PlanRequest),
 )  # fmt: skip
-async def create_plan(request: Request, format: str | None = None) -> Response:
+async def create_plan(
+    request: Request, find_map: Annotated[FindMap, Depends(leased_maps)], format: _Wanted = None
+) -> Response:
     """A certified schedule of wheel speeds from start to goal, or the reason why there is none.
 
     As text/event-stream, with effort best: each better plan as it is found. An event `plan` holds
@@ -59,21 +68,22 @@ async def create_plan(request: Request, format: str | None = None) -> Response:
     event `problem` holds the problem document, where the rest of the work was lost after a first plan.
     """
     state, settings = request.app.state, settings_of(request)
-    media_type = _media_type(request, format)
+    _wanted(request, format)
     asked = await read_model(request, PlanRequest)
-    problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
-    if media_type == "text/event-stream":
+    problem = await anyio.to_thread.run_sync(to_problem, asked, find_map, settings.max_time_budget)
+    wanted = _wanted(request, format, problem.robot.drive.kind)
+    if wanted is _EVENTS:
         events: asyncio.Queue[bytes | None] = asyncio.Queue()
         return await _stream(
             request, answered(state, problem, stream_plan, progress=events.put_nowait), events
         )
     compress = accepts_gzip(request.headers.get("accept-encoding"))
-    work = answered(state, problem, answer_plan, media_type, compress)
+    work = answered(state, problem, answer_plan, wanted.media_type, compress)
     answer: Answer | None = await while_connected(request, work)
     if answer is None:
         return Response(status_code=_GONE)
     headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
-    return Response(answer.body, 200, headers, media_type)
+    return Response(answer.body, 200, headers, wanted.media_type)
 
 
 async def answered(
@@ -146,10 +156,13 @@ async def _disconnect(request: Request) -> None:
         pass
 
 
-def _media_type(request: Request, format: str | None) -> str:
+def _wanted(request: Request, format: str | None, drive: str | None = None) -> Format:
+    """The format that ?format= names, or that Accept likes best of those for this type of drive."""
     if format is None:
-        return choose(request.headers.get("accept"), list(_FORMATS.values()))
-    if format not in _FORMATS:
-        detail = f"format must be one of {', '.join(_FORMATS)}."
-        raise FieldErrors([{"parameter": "format", "detail": detail, "value": format[:40]}])
-    return _FORMATS[format]
+        offers = [each.media_type for each in [*formats_for(drive), _EVENTS]]
+        best = choose(request.headers.get("accept"), offers)
+        return BY_MEDIA_TYPE.get(best, _EVENTS)
+    found = _EVENTS if format == _EVENTS.name else find_format(format)
+    if not found.suits(drive):
+        raise refuse_drive(found, str(drive))
+    return found

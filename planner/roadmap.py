@@ -36,8 +36,7 @@ def quickest_path(
     reach: how many stations further a motion may lead. ways: how many of each pair are tried. known: a path
     whose steps from one station to the next may be taken, too.
     """
-    ahead = station[None] - station[:, None]
-    first, second = np.nonzero((ahead > 0) & (ahead <= reach))
+    first, second = _ahead(station, reach)
     order = np.lexsort((second, station[second]))
     first, second = first[order], second[order]
     motions = connector.motions(poses[first], poses[second], ways)
@@ -59,6 +58,16 @@ def quickest_path(
         for e, i, way in zip(edges.tolist(), first[edges].tolist(), chosen.tolist(), strict=True)
     ]
     return _unwrapped(Pose(*poses[0].tolist()), parts)
+
+
+def _ahead(station: NDArray[np.intp], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All pairs of poses, given the station of each, of which the second is ahead, by `reach` stations at
+    most."""
+    order = np.argsort(station, kind="stable")
+    begin, end = (np.searchsorted(station[order], station + k, "right") for k in (0, reach))
+    count = end - begin
+    first = np.repeat(np.arange(len(station)), count)
+    return first, order[np.arange(len(first)) + np.repeat(begin - np.cumsum(count) + count, count)]
 
 
 @kernel

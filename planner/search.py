@@ -46,7 +46,7 @@ _ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
-_STRIDE, _STEP, _BEYOND = 12.0, 1.0, 2.0
+_STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
 
@@ -108,7 +108,7 @@ class Search:
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
         end = route.coordinates(goal, route.length)
-        count = 2 + math.ceil(route.length / (_EVERY * route.reach))
+        count = 2 + math.ceil(route.length / max(_EVERY * route.reach, _LEAST * route.length))
         turn = 0.0 if route.along else end[2]
         on_route = [
             route.pose(u * route.length, 0.0, u * turn) for u in np.linspace(0.0, 1.0, count).tolist()
@@ -158,9 +158,10 @@ class Search:
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
         if route is not None:
-            planner.setRange(_STRIDE * route.reach)
+            planner.setRange(max(_STRIDE * route.reach, _LEAST * route.length))
         elif name == "BKPIECE1":
-            planner.setRange(_STEP * float(world.kernel[REACH] + world.kernel[RADIUS]))
+            reach = float(world.kernel[REACH] + world.kernel[RADIUS])
+            planner.setRange(max(_STEP * reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0

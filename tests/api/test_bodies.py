@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -73,6 +74,23 @@ BAD = [
     ({"/options/turning_radius": -0.1}, INVALID, None),
     ({"/environment/bounds/x_min": 5}, INVALID, "/environment/bounds/x_max"),
     ({"/environment/bounds/y_max": -7}, INVALID, None),
+    # too small or too large for arithmetic
+    ({f"{LIMITS}/wheel_speed": 1e-300}, INVALID, None),
+    ({f"{LIMITS}/wheel_speed": 1e300}, INVALID, None),
+    ({f"{LIMITS}/wheel_jerk": {"left": 5e-324, "right": 1}}, INVALID, f"{LIMITS}/wheel_jerk/left"),
+    ({f"{LIMITS}/angular_speed": 1e-300}, INVALID, None),
+    ({f"{LIMITS}/steering_angle": 1e-300}, INVALID, None),
+    ({f"{DRIVE}/track_width": 1e-300}, INVALID, None),
+    ({f"{FOOTPRINT}/length": 1e-300}, INVALID, None),
+    ({"/environment/obstacles/0": {"type": "circle", "center": [0, 0], "radius": 1e-300}}, INVALID,
+     "/environment/obstacles/0/radius"),
+    ({"/start/x": 1e300}, INVALID, None),
+    ({"/goal/y": -1e300}, INVALID, None),
+    ({"/environment/bounds/x_max": 1e300}, INVALID, None),
+    ({"/environment/obstacles/0": {"type": "circle", "center": [0, 1e300], "radius": 1}}, INVALID,
+     "/environment/obstacles/0/center/1"),
+    ({FOOTPRINT: {"type": "polygon", "vertices": [[i, i * i] for i in range(10_000)]}}, INVALID,
+     f"{FOOTPRINT}/vertices"),
     # missing
     ({"/robot": ...}, INVALID, None),
     ({"/start": ...}, INVALID, None),
@@ -189,10 +207,19 @@ def test_the_sentence_names_field_value_and_bound(client, body):
     (error,) = client.post("/v1/plans", json=body).json()["errors"]
     assert error == {
         "pointer": "/robot/drive/wheel_radius",
-        "detail": "wheel_radius is -0.1; it must be > 0.",
+        "detail": "wheel_radius is -0.1; it must be >= 1e-06.",
         "value": -0.1,
-        "bound": "> 0",
+        "bound": ">= 1e-06",
     }
+
+
+def test_a_time_budget_that_nobody_gave_is_never_too_long(client, settings, planner_, body):
+    client.app.state.settings = replace(settings, max_time_budget=0.25)
+    del body["options"]
+    assert client.post("/v1/plans", json=body).status_code == 200
+    assert planner_.problem.options.time_budget == 0.25
+    body["options"] = {"time_budget": 0.3}
+    assert client.post("/v1/plans", json=body).json()["errors"][0]["bound"] == "<= 0.25"
 
 
 def test_all_bad_fields_are_named_at_once(client, body):

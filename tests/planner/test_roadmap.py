@@ -14,7 +14,7 @@ from planner.connect import Connector, connector, is_path_free
 from planner.environment import CollisionWorld
 from planner.path import TwistPiece, as_steps
 from planner.problem import Bounds, Environment, Options, Polygon, Robot
-from planner.roadmap import quickest_path
+from planner.roadmap import _ahead, quickest_path
 
 KINDS = ["mecanum", "differential", "ackermann"]
 
@@ -97,3 +97,13 @@ def test_changes_of_direction_cost_their_time(robot: Callable[..., Robot], floor
     path = quickest_path(poses, np.arange(3), 2, asked, 2)
     assert path is not None
     assert all(isinstance(piece, TwistPiece) and piece.twist.vx >= 0 for piece in path)
+
+
+@pytest.mark.parametrize("reach", [1, 3, 50, math.inf])
+def test_pairs_are_all_those_whose_second_is_ahead_within_reach(reach: float) -> None:
+    station = np.concatenate([np.arange(40), np.arange(1, 39), np.arange(1, 39)])
+    ahead = station[None] - station[:, None]
+    expected = set(zip(*(i.tolist() for i in np.nonzero((ahead > 0) & (ahead <= reach))), strict=True))
+    first, second = _ahead(station, reach)
+    assert len(first) == len(expected)
+    assert set(zip(first.tolist(), second.tolist(), strict=True)) == expected
