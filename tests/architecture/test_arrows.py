@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 MAKERS = ("time_law", "trajectory", "optimize", "optimal_control", "corridor", "path", "search", "shorten",
-          "connect", "plan")  # fmt: skip
+          "connect", "roadmap", "estimate", "plan")  # fmt: skip
 ROOMS = ("drives", "planner", "api")
 SOURCES = {
     ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
