@@ -28,6 +28,10 @@ def reporting_then(function):
     function()
 
 
+def allocation_failing_as_in_casadi():
+    raise RuntimeError("Error in Function::call for 'fastest':\nstd::bad_alloc\n")
+
+
 def run(promise, size=1, queue_length=10, **more):
     """Runs an async test against a pool that is up."""
 
@@ -129,7 +133,8 @@ def test_a_job_that_needs_more_memory_than_the_limit_is_told_so_and_the_next_one
             await pool.run(list.__mul__, [0], 1 << 28, deadline=20)
         assert caught.value.code == "worker-crashed"
         assert await pool.run(operator.add, 1, 2, deadline=5) == 3
-        assert pool.losses == {"memory": 1}
+        assert await refusal(pool.run(allocation_failing_as_in_casadi, deadline=20)) == "worker-crashed"
+        await until(lambda: pool.losses == {"memory": 2})
 
     run(promise, memory=1 << 30)
 
