@@ -75,7 +75,7 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     app.state.pool = workers
     app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps)
     app.state.batches = _batches(app, workers)
-    app.state.metrics = Metrics(workers)
+    app.state.metrics = Metrics(workers, app.state.batches)
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)

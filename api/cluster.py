@@ -157,7 +157,7 @@ class Cluster:
                     while client.status == "running":
                         self._resize(await asyncio.wait_for(_offered(client), _SILENCE))
                         await asyncio.sleep(_GLANCE)
-            except (OSError, TimeoutError, RuntimeError) as error:
+            except Exception as error:
                 log(event="no connection", cluster=self.address, error=repr(error))
             finally:
                 self._client = None

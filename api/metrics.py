@@ -8,6 +8,7 @@ from prometheus_client import CollectorRegistry, Counter, Histogram, ProcessColl
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from api.batches import Batches
 from api.planning import Answer
 from api.scheduler import Scheduler
 from api.workers import LOSSES
@@ -22,10 +23,11 @@ _RATIOS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
 class Metrics:
     """The metrics of one application, in a registry of their own."""
 
-    def __init__(self, pool: Scheduler) -> None:
+    def __init__(self, pool: Scheduler, batches: Batches) -> None:
         self.registry = CollectorRegistry()
         ProcessCollector(registry=self.registry)
         self.registry.register(_Workers(pool))
+        self.registry.register(_Batches(batches))
         self.requests = Counter(
             "wheelplan_requests", "Requests answered.", ["method", "route", "status"], registry=self.registry
         )
@@ -63,3 +65,14 @@ class _Workers(Collector):
             lost.add_metric([reason], self.pool.losses[reason])
         yield lost
         yield CounterMetricFamily("wheelplan_shed", "Plans refused because too many waited.", self.pool.shed)
+
+
+class _Batches(Collector):
+    def __init__(self, batches: Batches) -> None:
+        self.batches = batches
+
+    def collect(self) -> Iterator[Metric]:
+        yield GaugeMetricFamily("wheelplan_batches", "Batches that have not ended.", self.batches.running)
+        yield GaugeMetricFamily(
+            "wheelplan_batch_items", "Requests of batches that wait for a worker.", self.batches.waiting
+        )

@@ -74,12 +74,17 @@ class Scheduler(Protocol):
 
 
 def scheduler_of(settings: Settings) -> Scheduler:
-    """The scheduler that the settings ask for."""
-    if not settings.scheduler:
+    """The scheduler that the settings ask for. Raises ValueError."""
+    address = settings.scheduler
+    if not address:
         return local_pool(settings, settings.workers)
-    from api.cluster import Cluster  # needs the extra `cluster`, and takes long to import
-
-    return Cluster(settings.scheduler, settings.queue_length, settings.queue_timeout)
+    if "://" not in address:
+        raise ValueError(f"WHEELPLAN_SCHEDULER must be an address like tcp://host:8786, not {address!r}")
+    try:
+        from api.cluster import Cluster  # takes long to import
+    except ImportError as error:
+        raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
+    return Cluster(address, settings.queue_length, settings.queue_timeout)
 
 
 def local_pool(settings: Settings, size: int) -> Pool:

@@ -230,6 +230,9 @@ def test_a_cancelled_batch_plans_no_further_and_its_results_stay_readable(inline
     with inline_app(size=1) as client:
         path = begin(client, {}, body, body, body)
         until(lambda: counts(client, path) == (4, 0, 1, 1, 2, 0))
+        metrics = client.get("/metrics").text
+        assert "\nwheelplan_batches 1.0\n" in metrics
+        assert "\nwheelplan_batch_items 2.0\n" in metrics
         assert client.delete(path).status_code == 204
         assert counts(client, path) == (4, 0, 1, 0, 0, 3)
         gate.set()
