@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
+from fastapi_offline import FastAPIOffline
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
@@ -57,12 +58,13 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
         await app.state.batches.close()
         await workers.close()
 
-    app = FastAPI(
+    app = FastAPIOffline(
         title="wheelplan",
         version=version("wheelplan"),
         description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
         lifespan=lifespan,
         redoc_url=None,
+        swagger_ui_parameters={"validatorUrl": None},  # else the page asks a service on the internet
         telemetry={
             "auto_configure": True,  # by the standard's OTEL_… variables; without them, nothing
             "metrics": False,
@@ -73,7 +75,7 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.pool = workers
-    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps)
+    app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps, settings.max_store_bytes)
     app.state.batches = _batches(app, workers)
     app.state.metrics = Metrics(workers, app.state.batches)
     app.state.decoding = asyncio.Lock()
@@ -92,9 +94,10 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
 def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
     settings: Settings = app.state.settings
 
-    def read(request: Any) -> PlanProblem:
+    def read(request: Any, held: ExitStack) -> PlanProblem:
         asked = validated(BatchItem, request)
-        return to_problem(asked, app.state.maps.layer, settings.max_time_budget)
+        find_map = held.enter_context(app.state.maps.leased())
+        return to_problem(asked, find_map, settings.max_time_budget)
 
     async def plan(problem: PlanProblem) -> bytes:
         return (await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)).body

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, SkipValidation
 
 from api.answers import PlanAnswer, Problem
-from api.fields import Strict, quantity
+from api.fields import Strict, amount, quantity
 from api.schemas import PlanRequest
 
 __all__ = ["MAX_NAME", "MAX_REQUESTS", "BatchAnswer", "BatchItem", "BatchLine", "BatchRequest"]
@@ -38,21 +38,25 @@ class BatchAnswer(BaseModel):
     """How far a batch is: total = done + failed + running + waiting + cancelled."""
 
     id: str = quantity("The batch's id", "", example="799f47ac1eee446eae4d01aa931a8b24")
-    total: int = quantity("Requests in the batch", "", example=40)
-    done: int = quantity("Requests with a plan", "", example=12)
-    failed: int = quantity("Requests with a problem", "", example=1)
-    running: int = quantity("Requests that a worker is planning", "", example=2)
-    waiting: int = quantity("Requests that wait for a worker with nothing else to do", "", example=25)
-    cancelled: int = quantity("Requests given up because the batch was cancelled", "", example=0)
+    total: int = amount("Requests in the batch", "requests", example=40)
+    done: int = amount("Requests with a plan", "requests", example=12)
+    failed: int = amount("Requests with a problem", "requests", example=1)
+    running: int = amount("Requests that a worker is planning", "requests", example=2)
+    waiting: int = amount("Requests that wait for a worker with nothing else to do", "requests", example=25)
+    cancelled: int = amount("Requests given up because the batch was cancelled", "requests", example=0)
     created: str = quantity("When it was taken, RFC 3339", "", example="2026-01-31T12:00:00.000+00:00")
-    finished: str | None = quantity("When it ended; null while it runs", "", example=None)
-    expires: str | None = quantity("When its results go, at the latest; null while it runs", "", example=None)
+    finished: str | None = quantity(
+        "When it ended; null while it runs", "", example="2026-01-31T12:01:30.000+00:00"
+    )
+    expires: str | None = quantity(
+        "When its results go, at the latest; null while it runs", "", example="2026-02-01T12:01:30.000+00:00"
+    )
 
 
 class BatchLine(BaseModel):
     """One line of the results: either a plan or a problem."""
 
-    index: int = quantity("The request's place in the batch, from 0", "", example=0)
+    index: int = amount("The request's place in the batch, from 0", "requests", example=0)
     name: str | None = quantity("The request's name", "", example="dock-7")
     plan: PlanAnswer | None = quantity("As POST /v1/plans answers; absent where there is a problem", "", None)
     problem: Problem | None = quantity(

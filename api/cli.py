@@ -67,7 +67,8 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
     """Plans one request in this process; 1, and the problem on standard error, where there is no plan."""
     from api.convert import to_problem
     from api.errors import Refusal, problem_document
-    from api.maps import MapStore, read_map
+    from api.maps import MapStore
+    from api.occupancy import read_map
     from api.planning import plan_document
     from api.schemas import PlanRequest
     from api.validation import validated

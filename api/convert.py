@@ -38,7 +38,7 @@ from planner.problem import (
     Robot,
 )
 
-__all__ = ["by_name", "to_problem"]
+__all__ = ["FindMap", "by_name", "to_problem"]
 
 FindMap = Callable[[str], MapLayer]
 

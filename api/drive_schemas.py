@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args,
 from pydantic import BaseModel, Field, create_model
 
 from api.errors import FieldErrors
-from api.fields import LARGEST_LENGTH, Angle, Strict, WheelName, quantity
+from api.fields import LARGEST_LENGTH, SMALLEST_LENGTH, Angle, Strict, WheelName, quantity
 from api.validation import pointer
 from drives import DRIVES
 from drives.drive import Drive, InvalidDrive
@@ -27,7 +27,7 @@ class _Parameter(NamedTuple):
     example: Any
 
 
-_LENGTH = {"gt": 0, "le": LARGEST_LENGTH}
+_LENGTH = {"ge": SMALLEST_LENGTH, "le": LARGEST_LENGTH}
 _ARM = {"ge": -LARGEST_LENGTH, "le": LARGEST_LENGTH}
 _MANY = {"min_length": 1, "max_length": 32}
 _45 = math.pi / 4
@@ -39,8 +39,8 @@ _PARAMETERS = {
     "wheelbase": _Parameter("Distance between front and rear wheels", "m", _LENGTH, 0.8),
     "robot_radius": _Parameter("Distance of every wheel from the body origin", "m", _LENGTH, 0.2),
     "caster_offset": _Parameter("How far the contact trails its pivot", "m", _LENGTH, 0.04),
-    "slip_coefficient": _Parameter("Effective track width / track width", "", {"ge": 1, "le": 100}, 1.2),
-    "wheel_count": _Parameter("Number of wheels", "", {"ge": 1, "le": 32}, 3),
+    "slip_coefficient": _Parameter("Effective track width / track width", "1", {"ge": 1, "le": 100}, 1.2),
+    "wheel_count": _Parameter("Number of wheels", "1", {"ge": 1, "le": 32}, 3),
     "wheel_offset": _Parameter("Angle at which wheel_1 stands, body frame", "rad", {}, 0.0),
     "body_heading": _Parameter("Heading that the body keeps (default: the start's theta)", "rad", {}, 0.0),
     "name": _Parameter("Name of the wheel", "", {}, "front_left"),

@@ -40,9 +40,11 @@ CODES: dict[str, tuple[int, str]] = {
     "internal-error": (500, "An unexpected error"),
     "worker-crashed": (500, "The process that planned this request died"),
     "audit-failed": (500, "The plan did not pass its own check"),
+    "map-corrupt": (500, "The stored map is damaged"),
     "draining": (503, "Shutting down or not ready yet"),
     "deadline-exceeded": (504, "A worker overran its deadline and was stopped"),
-    "insufficient-storage": (507, "There is no room to store this"),
+    "insufficient-storage": (507, "The disk is full"),
+    "quota-exceeded": (507, "The store of maps is full"),
 }
 
 

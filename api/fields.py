@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 __all__ = [
-    "LARGEST_COORDINATE", "LARGEST_LENGTH", "LARGEST_RATE", "Angle", "Coordinate", "Strict", "WheelName",
-    "angle", "coordinate", "extent", "quantity", "rate",
+    "LARGEST_COORDINATE", "LARGEST_LENGTH", "LARGEST_RATE", "SMALLEST_LENGTH", "SMALLEST_RATE", "Angle",
+    "Coordinate", "Number", "Strict", "WheelName", "amount", "angle", "coordinate", "extent", "quantity",
+    "rate",
 ]  # fmt: skip
 
 LARGEST_COORDINATE = 1e6
 LARGEST_LENGTH = 1e3
 LARGEST_RATE = 1e6
+SMALLEST_LENGTH = 1e-6
+SMALLEST_RATE = 1e-6
+_LARGEST_NUMBER = sys.float_info.max
 
 
 class Strict(BaseModel):
@@ -26,8 +31,8 @@ class Strict(BaseModel):
 def quantity(
     description: str, unit: str = "", default: Any = ..., *, example: Any = None, **bounds: Any
 ) -> Any:
-    """A field that documents itself: description and unit, bounds (gt, ge, lt, le …) and an example."""
-    text = f"{description}, {unit}." if unit else f"{description}."
+    """A field that documents itself: description, unit ("1": none), bounds (gt, ge, lt, le …), example."""
+    text = f"{description}, {unit}." if unit not in ("", "1") else f"{description}."
     extra: Any = {"x-unit": unit} if unit else None
     examples = [example] if example is not None else None
     return Field(default, description=text, examples=examples, json_schema_extra=extra, **bounds)
@@ -35,12 +40,14 @@ def quantity(
 
 def extent(description: str, default: Any = ..., *, example: float | None = None, **bounds: Any) -> Any:
     """A positive length, unless bounds say otherwise."""
-    return quantity(description, "m", default, example=example, **{"gt": 0, "le": LARGEST_LENGTH, **bounds})
+    return quantity(
+        description, "m", default, example=example, **{"ge": SMALLEST_LENGTH, "le": LARGEST_LENGTH} | bounds
+    )
 
 
 def rate(description: str, unit: str, default: Any = ..., *, example: float | None = None) -> Any:
     """A positive limit on a speed, an acceleration or a jerk."""
-    return quantity(description, unit, default, example=example, gt=0, le=LARGEST_RATE)
+    return quantity(description, unit, default, example=example, ge=SMALLEST_RATE, le=LARGEST_RATE)
 
 
 def coordinate(description: str, default: Any = ..., *, example: float | None = None) -> Any:
@@ -52,13 +59,20 @@ def angle(description: str, default: Any = ..., *, example: float | None = None)
     return quantity(description, "rad", default, example=example)
 
 
+def amount(description: str, unit: str, *, example: float) -> Any:
+    """A number of an answer that is never negative."""
+    largest = 2**63 - 1 if isinstance(example, int) else _LARGEST_NUMBER
+    return quantity(description, unit, example=example, ge=0, le=largest)
+
+
 def _reduced(value: float) -> float:
     # Beyond this a double no longer resolves the small turns that a plan adds to it. Not math.remainder: its
     # 2π is the nearest double's, and a large angle holds many of them.
     return value if abs(value) <= 1e6 else math.atan2(math.sin(value), math.cos(value))
 
 
-Angle = Annotated[float, AfterValidator(_reduced)]
+Number = Annotated[float, Field(ge=-_LARGEST_NUMBER, le=_LARGEST_NUMBER)]
+Angle = Annotated[Number, AfterValidator(_reduced)]
 Coordinate = Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE)]
 WheelName = Annotated[
     str,

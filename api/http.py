@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
 from typing import Any, TypeVar
 
 import anyio
@@ -10,15 +11,17 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Message
 
+from api.convert import FindMap
 from api.errors import CODES, PROBLEM_JSON, Refusal
+from api.maps import MapStore
 from api.negotiation import choose
 from api.settings import Settings
 from api.strict_json import MalformedJson, read_json, write_json
 from api.validation import validated
 
 __all__ = [
-    "CONDITIONAL", "IF_NONE_MATCH", "bounded", "json_only", "json_response", "not_modified", "problems",
-    "read_model", "request_body", "settings_of", "tagged",
+    "CONDITIONAL", "IF_NONE_MATCH", "bounded", "json_only", "json_response", "leased_maps", "not_modified",
+    "problems", "read_model", "request_body", "settings_of", "tagged",
 ]  # fmt: skip
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -51,6 +54,13 @@ def settings_of(request: Request) -> Settings:
 
 def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> Response:
     return Response(write_json(content), status, headers, "application/json")
+
+
+async def leased_maps(request: Request) -> AsyncIterator[FindMap]:
+    """Dependency: finds maps, whose files stay until the answer has been sent, even if they are deleted."""
+    store: MapStore = request.app.state.maps
+    with store.leased() as find_map:
+        yield find_map
 
 
 def tagged(response: Response, tag: str, cache_control: str) -> Response:

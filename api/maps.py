@@ -1,248 +1,164 @@
-"""Occupancy maps: a ROS map_server pair decoded to cells, and the store that keeps them."""
+"""The store of maps: a folder of files by the digest of their content, and an index over them.
+
+root/<id>/ holds meta.json, cells.npy and what the planner prepares. The folder is the truth: a map exists
+while its meta.json does, and its id proves the rest. root/index.db (SQLite) knows the same maps for listing
+them and for keeping the quota; every change is made while its write lock is held, and what a crash has left
+is put right at the next start. See docs/decisions/0016.
+"""
 
 from __future__ import annotations
 
-import hashlib
+import errno
+import fcntl
 import io
 import os
 import re
 import shutil
+import sqlite3
+import sys
 import tempfile
-import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import orjson
-import yaml
 from numpy.typing import NDArray
 from PIL import Image
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from api.errors import FieldErrors, Refusal
-from api.fields import LARGEST_COORDINATE, LARGEST_LENGTH
-from api.validation import validated
+from api.errors import Refusal
+from api.log import log
+from api.occupancy import DecodedMap
 from drives.se2 import Pose
 from planner.environment import prepare_map
 from planner.problem import MapLayer
 
-__all__ = ["DecodedMap", "MapStore", "decode_map", "read_map"]
+__all__ = ["MapStore", "room_or_refusal"]
 
-FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 _GREYS = np.array([254, 0, 205], dtype=np.uint8)
 """What map_saver writes for each kind of cell"""
 
-_MAX_YAML = 16 << 10
-_LONGEST_UPLOAD = 3600.0
 _ID = re.compile(r"[0-9a-f]{64}")
+_META, _CELLS = "meta.json", "cells.npy"
+_TABLE = (
+    "CREATE TABLE IF NOT EXISTS maps (id TEXT PRIMARY KEY, bytes INTEGER NOT NULL, summary TEXT NOT NULL)"
+)
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, "SQLITE_FULL", "SQLITE_IOERR_SHMSIZE", "SQLITE_IOERR_WRITE"}
+_PATIENCE = 30.0
+"""How long a change waits for another process's, s"""
 
-
-class DecodedMap(NamedTuple):
-    """cells (height, width) int8, row 0 at the bottom, with 0 free, 1 occupied, 2 unknown; resolution m per
-    cell; origin: pose of the lower left corner in the world."""
-
-    cells: NDArray[np.int8]
-    resolution: float
-    origin: Pose
-
-    @property
-    def id(self) -> str:
-        """SHA-256 of the content."""
-        head = repr((self.cells.shape, float(self.resolution), tuple(float(v) + 0.0 for v in self.origin)))
-        return hashlib.sha256(head.encode() + self.cells.tobytes()).hexdigest()
-
-    def summary(self) -> dict[str, Any]:
-        """What clients are told of the map."""
-        counts = np.bincount(self.cells.ravel(), minlength=3)
-        height, width = self.cells.shape
-        return {
-            "id": self.id,
-            "width": width,
-            "height": height,
-            "resolution": self.resolution,
-            "origin": list(self.origin),
-            "occupied": int(counts[OCCUPIED]),
-            "unknown": int(counts[UNKNOWN]),
-            "free": int(counts[FREE]),
-        }
-
-
-def _number(value: Any) -> Any:
-    # YAML 1.1 reads 5e-2 as a string; every map_server reads it as a number.
-    if isinstance(value, bool):
-        raise ValueError("it must be a number")
-    return float(value) if isinstance(value, str) else value
-
-
-_Number = Annotated[float, BeforeValidator(_number)]
-_Place = Annotated[_Number, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE)]
-
-
-class _MapYaml(BaseModel):
-    model_config = ConfigDict(allow_inf_nan=False)
-
-    resolution: Annotated[_Number, Field(gt=0, le=LARGEST_LENGTH)]
-    origin: Annotated[list[_Place], Field(min_length=3, max_length=3)]
-    occupied_thresh: Annotated[_Number, Field(ge=0, le=1)]
-    free_thresh: Annotated[_Number, Field(ge=0, le=1)]
-    negate: bool = False
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
-    image: str = ""
-
-
-def decode_map(description: bytes, image: bytes, max_cells: int) -> DecodedMap:
-    """The map of a map_server yaml and its PGM or PNG image.
-
-    A pixel v has the occupancy p = 1 - v/255 (negate: v/255); it is free where p <= free_thresh, occupied
-    where p >= occupied_thresh, else unknown. In mode raw, v itself (negate: 255 - v) is the occupancy in per
-    cent, and beyond 100 unknown. In mode scale, fully transparent pixels are unknown. Raises FieldErrors and
-    Refusal.
-    """
-    meta = _read_yaml(description)
-    if meta.free_thresh >= meta.occupied_thresh:
-        detail = (
-            f"free_thresh is {meta.free_thresh:g}; it must be < occupied_thresh, {meta.occupied_thresh:g}."
-        )
-        raise FieldErrors([{"pointer": "/yaml/free_thresh", "detail": detail}])
-    values, transparent = _read_image(image, max_cells)
-    v = np.arange(256)
-    if meta.mode == "raw":
-        percent = 255 - v if meta.negate else v
-        p = np.where(percent <= 100, percent / 100, np.nan)
-    else:
-        p = v / 255 if meta.negate else 1 - v / 255
-    kinds = np.full(256, UNKNOWN, dtype=np.int8)
-    kinds[p <= meta.free_thresh] = FREE
-    kinds[p >= meta.occupied_thresh] = OCCUPIED
-    cells = kinds[values]
-    if meta.mode == "scale" and transparent is not None:
-        cells[transparent] = UNKNOWN
-    x, y, yaw = meta.origin
-    # Images begin at the top, maps at the bottom.
-    return DecodedMap(np.ascontiguousarray(cells[::-1]), meta.resolution, Pose(x, y, yaw))
-
-
-def read_map(file: Path, max_cells: int) -> DecodedMap:
-    """The map of a map_server yaml on disk, whose image stands beside it. Raises OSError too."""
-    description = file.read_bytes()
-    return decode_map(description, (file.parent / _read_yaml(description).image).read_bytes(), max_cells)
-
-
-class _PlainLoader(yaml.SafeLoader):
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        # An alias can make a small file mean a huge value.
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases are not allowed")
-        return super().compose_node(parent, index)
-
-
-def _read_yaml(description: bytes) -> _MapYaml:
-    if len(description) > _MAX_YAML:
-        raise Refusal("payload-too-large", f"The yaml must not exceed {_MAX_YAML} bytes.", limit=_MAX_YAML)
-    try:
-        value = yaml.load(description, _PlainLoader)
-    except Exception:  # hostile tags make it raise more than YAMLError
-        value = None
-    if not isinstance(value, dict):
-        raise FieldErrors([{"pointer": "/yaml", "detail": "yaml is not a map_server file."}])
-    return validated(_MapYaml, value, ("yaml",))
-
-
-def _read_image(data: bytes, max_cells: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
-    """Grey values (height, width), row 0 at the top, and which pixels are fully transparent."""
-    if data[:2] not in (b"P2", b"P5") and data[:8] != b"\x89PNG\r\n\x1a\n":
-        raise FieldErrors([{"pointer": "/image", "detail": "image is neither a PGM (P2, P5) nor a PNG."}])
-    too_large = Refusal("payload-too-large", f"The map must not exceed {max_cells} cells.", limit=max_cells)
-    try:
-        with Image.open(io.BytesIO(data), formats=["PPM", "PNG"]) as image:
-            if image.width * image.height > max_cells:
-                raise too_large
-            transparent = None
-            if image.has_transparency_data:
-                transparent = np.asarray(image.convert("RGBA").getchannel("A")) == 0
-            if image.mode.startswith("I"):
-                # 16 bits: Pillow would clip them to 255, not scale them.
-                return (np.asarray(image, dtype=np.uint32) // 257).astype(np.uint8), transparent
-            return np.asarray(image.convert("L")), transparent
-    except Image.DecompressionBombError:
-        raise too_large from None
-    except Refusal:
-        raise
-    except Exception:  # decoders raise whatever a broken file leads them to
-        raise FieldErrors([{"pointer": "/image", "detail": "image cannot be decoded."}]) from None
+_Seal = tuple[int, ...]
 
 
 class MapStore:
-    """Maps by id, in root/<id>/: cells.npy, meta.json and what the planner prepares. A map appears and
-    vanishes by one rename."""
+    """Maps by id, at most `max_maps` of them in at most `max_bytes`. Any number of processes may share one on
+    a local file system; to read maps, its files are enough."""
 
-    def __init__(self, root: Path, max_maps: int) -> None:
+    def __init__(self, root: Path, max_maps: int, max_bytes: int = sys.maxsize) -> None:
         self.root = root
         self.max_maps = max_maps
+        self.max_bytes = max_bytes
+        self._sound: dict[str, tuple[_Seal, dict[str, Any]]] = {}
 
     def add(self, decoded: DecodedMap) -> tuple[dict[str, Any], bool]:
-        """Stores a map; its summary, and whether it is new. Raises Refusal: payload-too-large."""
-        summary = decoded.summary()
-        place = self.root / summary["id"]
-        if place.exists():
-            return summary, False
-        if len(self.list()) >= self.max_maps:
-            detail = f"The store holds {self.max_maps} maps; delete one first."
-            raise Refusal("payload-too-large", detail, limit=self.max_maps)
-        self.root.mkdir(parents=True, exist_ok=True)
-        made = Path(tempfile.mkdtemp(prefix=".new-", dir=self.root))
-        try:
-            with open(made / "cells.npy", "wb") as file:
-                np.save(file, decoded.cells)
-                _sync(file.fileno())
-            with open(made / "meta.json", "wb") as file:
-                file.write(orjson.dumps(summary))
-                _sync(file.fileno())
-            prepare_map(MapLayer(summary["id"], made, decoded.resolution, decoded.origin))
-            made.chmod(0o755)
-            made.rename(place)
-        except OSError:
-            shutil.rmtree(made, ignore_errors=True)
-            if place.exists():  # another request stored the same map first
-                return summary, False
-            raise
-        _sync_directory(self.root)
-        return summary, True
+        """Stores a map, afresh where it is damaged; its summary, and whether it is new.
 
-    def sweep(self) -> None:
-        """Removes what a crash in the middle of an upload or a deletion has left."""
-        for left in [*self.root.glob(".new-*"), *self.root.glob(".old-*")]:
-            if time.time() - left.stat().st_mtime > _LONGEST_UPLOAD:
-                shutil.rmtree(left, ignore_errors=True)
+        Raises Refusal: quota-exceeded, insufficient-storage.
+        """
+        summary = decoded.summary()
+        with suppress(Refusal):
+            return self.get(summary["id"]), False
+        with room_or_refusal(), ExitStack() as held:
+            with self._index() as index:
+                self._check_quota(index, summary["id"], decoded.cells.nbytes)
+                made = Path(tempfile.mkdtemp(prefix=".new-", dir=self.root))
+                held.callback(shutil.rmtree, made, ignore_errors=True)
+                unswept = held.enter_context(ExitStack())
+                unswept.enter_context(_locked(made, fcntl.LOCK_SH))
+            _write(made / _CELLS, lambda file: np.save(file, decoded.cells))
+            prepare_map(MapLayer(summary["id"], made, decoded.resolution, decoded.origin))
+            _write(made / _META, lambda file: file.write(orjson.dumps(summary)))
+            made.chmod(0o755)
+            size = _size(made)
+            with _opened(made) as descriptor:
+                os.fsync(descriptor)
+            place, new = self.root / summary["id"], False
+            try:
+                with self._index() as index:
+                    unswept.close()  # nobody sweeps meanwhile
+                    self._check_quota(index, summary["id"], size)
+                    _insert(index, summary, size)
+                    new = not (place / _META).exists()
+                    self._publish(made, place)
+            except (OSError, sqlite3.Error):  # it may have appeared, and could not be made to last
+                if new:
+                    with suppress(OSError):
+                        self._vanish(place)
+                raise
+        return summary, new
 
     def list(self) -> list[dict[str, Any]]:
         """The summaries of all maps, by id."""
-        found = []
-        for place in sorted(self.root.iterdir()) if self.root.exists() else []:
-            with suppress(Refusal):  # no map, or deleted this moment
-                found.append(self.get(place.name))
-        return found
+        if not self.root.exists():
+            return []
+        try:
+            with self._index() as index:
+                rows = index.execute("SELECT id, summary FROM maps ORDER BY id").fetchall()
+        except sqlite3.Error:  # the disk is full, or the index damaged
+            return [summary for _, summary in sorted(self._found().items())]
+        return [orjson.loads(summary) for id, summary in rows if (self.root / id / _META).exists()]
 
     def get(self, id: str) -> dict[str, Any]:
-        """The summary of one map. Raises Refusal: unknown-map."""
+        """The summary of one map, whose digest is right. Raises Refusal: unknown-map, map-corrupt."""
+        place = self._place(id)
         try:
-            summary: dict[str, Any] = orjson.loads((self._place(id) / "meta.json").read_bytes())
-        except FileNotFoundError:
+            seal = _seal(place / _META)
+        except (FileNotFoundError, NotADirectoryError):
             raise _unknown(id) from None
-        return summary
+        try:
+            seal += _seal(place / _CELLS)
+            known = self._sound.get(id)
+            if known is None or known[0] != seal:  # read again only when a file has changed
+                summary = orjson.loads((place / _META).read_bytes())
+                origin = Pose(*summary["origin"])
+                found = DecodedMap(np.load(place / _CELLS), summary["resolution"], origin).summary()
+                if found != summary or found["id"] != id:
+                    raise ValueError("another content")
+                known = self._sound[id] = seal, summary
+        except Exception as error:  # whatever readers raise on damaged files
+            if not (place / _META).exists():
+                raise _unknown(id) from None
+            detail = "The stored map is damaged. Upload it again, or delete it."
+            raise Refusal("map-corrupt", detail, map=id) from error
+        return known[1]
 
     def layer(self, id: str) -> MapLayer:
-        """The map as the planner knows it. Raises Refusal: unknown-map."""
+        """The map as the planner knows it. Raises Refusal: unknown-map, map-corrupt."""
         summary = self.get(id)
         return MapLayer(id, self._place(id).absolute(), summary["resolution"], Pose(*summary["origin"]))
 
+    @contextmanager
+    def leased(self) -> Iterator[Callable[[str], MapLayer]]:
+        """`layer`, but the files of the maps it finds stay until the end, even if these are deleted."""
+        with ExitStack() as leases:
+
+            def find(id: str) -> MapLayer:
+                place = self._place(id)
+                try:
+                    leases.callback(self._discard, place)
+                    leases.enter_context(_locked(place, fcntl.LOCK_SH))
+                except OSError:
+                    raise _unknown(id) from None
+                return self.layer(id)
+
+            yield find
+
     def image(self, id: str) -> bytes:
-        """The map as a PNG in the greys of map_saver, row 0 at the top. Raises Refusal: unknown-map."""
-        try:
-            cells = np.load(self._place(id) / "cells.npy")
-        except FileNotFoundError:
-            raise _unknown(id) from None
+        """The map as a PNG in the greys of map_saver, row 0 at the top. Raises as layer does."""
+        with self.leased() as find:
+            cells: NDArray[np.int8] = np.load(find(id).directory / _CELLS)
         out = io.BytesIO()
         Image.fromarray(_GREYS[cells[::-1]]).save(out, "PNG", compress_level=1)
         return out.getvalue()
@@ -250,15 +166,96 @@ class MapStore:
     def delete(self, id: str) -> None:
         """Raises Refusal: unknown-map."""
         place = self._place(id)
-        doomed = Path(tempfile.mkdtemp(prefix=".old-", dir=self.root)) if place.exists() else None
-        if doomed is None:
-            raise _unknown(id)
         try:
-            place.rename(doomed / id)
-        except FileNotFoundError:
+            self._vanish(place)  # before the index is written: on a full disk, it makes room
+        except (FileNotFoundError, NotADirectoryError):
             raise _unknown(id) from None
-        finally:
-            shutil.rmtree(doomed, ignore_errors=True)
+        with suppress(sqlite3.Error), self._index() as index:
+            if not (place / _META).exists():
+                index.execute("DELETE FROM maps WHERE id = ?", (id,))
+
+    def sweep(self) -> None:
+        """Puts right what a crash has left, and an index that is lost or damaged."""
+        self.root.mkdir(parents=True, exist_ok=True)
+        try:
+            self._reconcile()
+        except sqlite3.OperationalError as error:  # a full disk, say: maps can still be read
+            log(event="the index of maps cannot be written", error=repr(error))
+        except sqlite3.DatabaseError as error:
+            log(event="the index of maps is made again", error=repr(error))
+            for file in self.root.glob("index.db*"):
+                file.unlink()
+            self._reconcile()
+        for left in self.root.glob(".old-*"):
+            shutil.rmtree(left, ignore_errors=True)
+
+    def _reconcile(self) -> None:
+        with self._index() as index:
+            found = self._found()
+            rows = {id for (id,) in index.execute("SELECT id FROM maps")}
+            for id in rows - found.keys():
+                index.execute("DELETE FROM maps WHERE id = ?", (id,))
+            for id in found.keys() - rows:
+                _insert(index, found[id], _size(self.root / id))
+            for place in self.root.iterdir():
+                if _ID.fullmatch(place.name) or place.name.startswith(".new-"):
+                    self._discard(place)
+
+    def _found(self) -> dict[str, dict[str, Any]]:
+        """The summaries of all maps by id, from their folders."""
+        found = {}
+        for file in self.root.glob(f"*/{_META}"):
+            with suppress(OSError, ValueError):
+                if _ID.fullmatch(file.parent.name):
+                    found[file.parent.name] = orjson.loads(file.read_bytes())
+        return found
+
+    def _publish(self, made: Path, place: Path) -> None:
+        """Makes the map appear. Its files replace those of one that is damaged, or deleted but in use."""
+        with suppress(FileNotFoundError), _locked(place, fcntl.LOCK_SH) as descriptor:
+            if _is(place, descriptor):  # else it is being discarded
+                for file in sorted(made.iterdir(), key=lambda file: file.name == _META):
+                    file.replace(place / file.name)
+                os.fsync(descriptor)
+                return
+        made.rename(place)
+        with _opened(self.root) as descriptor:
+            os.fsync(descriptor)
+
+    def _vanish(self, place: Path) -> None:
+        (place / _META).unlink()
+        self._sound.pop(place.name, None)
+        self._discard(place)
+
+    def _discard(self, place: Path) -> None:
+        """Removes a folder that is no map, unless somebody still uses its files: they do it then."""
+        with suppress(OSError), _locked(place, fcntl.LOCK_EX | fcntl.LOCK_NB) as descriptor:
+            if _is(place, descriptor) and (place.name.startswith(".") or not (place / _META).exists()):
+                doomed = self.root / f".old-{uuid4().hex}"
+                place.rename(doomed)
+                shutil.rmtree(doomed, ignore_errors=True)
+
+    def _check_quota(self, index: sqlite3.Connection, id: str, size: int) -> None:
+        count, used = index.execute(
+            "SELECT count(*), coalesce(sum(bytes), 0) FROM maps WHERE id <> ?", (id,)
+        ).fetchone()
+        if count >= self.max_maps:
+            detail = f"The store holds {count} maps of at most {self.max_maps}; delete one first."
+            raise Refusal("quota-exceeded", detail, limit=self.max_maps)
+        if used + size > self.max_bytes:
+            detail = f"The store holds {used} bytes of at most {self.max_bytes}; this map needs {size}."
+            raise Refusal("quota-exceeded", detail, limit=self.max_bytes)
+
+    @contextmanager
+    def _index(self) -> Iterator[sqlite3.Connection]:
+        """The index, with its write lock held."""
+        self.root.mkdir(parents=True, exist_ok=True)
+        with closing(sqlite3.connect(self.root / "index.db", _PATIENCE, isolation_level=None)) as index:
+            index.execute("PRAGMA journal_mode = WAL")
+            index.execute("BEGIN IMMEDIATE")
+            index.execute(_TABLE)
+            yield index
+            index.execute("COMMIT")
 
     def _place(self, id: str) -> Path:
         # Nothing but an id ever becomes part of a path.
@@ -271,13 +268,60 @@ def _unknown(id: str) -> Refusal:
     return Refusal("unknown-map", "There is no map of this id.", map=id[:64])
 
 
-def _sync(descriptor: int) -> None:
-    os.fsync(descriptor)
+def _insert(index: sqlite3.Connection, summary: dict[str, Any], size: int) -> None:
+    row = summary["id"], size, orjson.dumps(summary).decode()
+    index.execute("INSERT OR REPLACE INTO maps VALUES (?, ?, ?)", row)
 
 
-def _sync_directory(directory: Path) -> None:
-    descriptor = os.open(directory, os.O_RDONLY)
+def _size(place: Path) -> int:
+    """Bytes of a map's files."""
+    return sum(file.stat().st_size for file in place.iterdir())
+
+
+def _seal(file: Path) -> _Seal:
+    """What changes when a file does."""
+    about = file.stat()
+    return about.st_ino, about.st_size, about.st_mtime_ns
+
+
+def _write(file: Path, write: Callable[[Any], Any]) -> None:
+    with open(file, "wb") as opened:
+        write(opened)
+        opened.flush()
+        os.fsync(opened.fileno())
+
+
+@contextmanager
+def _opened(directory: Path) -> Iterator[int]:
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        os.fsync(descriptor)
+        yield descriptor
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def _locked(directory: Path, how: int) -> Iterator[int]:
+    """A directory with a lock on it, which ends with the process at the latest. Raises OSError."""
+    with _opened(directory) as descriptor:
+        fcntl.flock(descriptor, how)
+        yield descriptor
+
+
+def _is(directory: Path, descriptor: int) -> bool:
+    try:
+        return os.path.samestat(directory.stat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+@contextmanager
+def room_or_refusal() -> Iterator[None]:
+    """Turns a full disk into a Refusal: insufficient-storage."""
+    try:
+        yield
+    except (OSError, sqlite3.OperationalError) as error:
+        if getattr(error, "errno", None) in _FULL or getattr(error, "sqlite_errorname", None) in _FULL:
+            detail = "The disk is full. Nothing has been stored."
+            raise Refusal("insufficient-storage", detail) from error
+        raise

@@ -25,8 +25,8 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from api.maps import UNKNOWN as UNKNOWN_CELL
-from api.maps import DecodedMap, decode_map
+from api.occupancy import UNKNOWN as UNKNOWN_CELL
+from api.occupancy import DecodedMap, decode_map
 
 __all__ = ["LIMIT", "draw_plan"]
 

@@ -23,8 +23,10 @@ from api.http import (
     settings_of,
     tagged,
 )
-from api.maps import MapStore, decode_map
+from api.maps import MapStore, room_or_refusal
 from api.negotiation import choose
+from api.occupancy import decode_map
+from api.validation import pointer
 
 __all__ = ["router"]
 
@@ -60,7 +62,13 @@ def _store(request: Request) -> MapStore:
     response_model=MapAnswer,
     responses={
         200: {"model": MapAnswer, "description": "The same map is in store already."},
-        **problems("unsupported-media-type", "payload-too-large", "invalid-request"),
+        **problems(
+            "unsupported-media-type",
+            "payload-too-large",
+            "invalid-request",
+            "quota-exceeded",
+            "insufficient-storage",
+        ),
     },
     openapi_extra={"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": _FORM}}}},
 )
@@ -94,7 +102,7 @@ async def list_maps(request: Request) -> Response:
     dependencies=_JSON,
     summary="One map",
     response_model=MapAnswer,
-    responses={**CONDITIONAL, **problems("unknown-map")},
+    responses={**CONDITIONAL, **problems("unknown-map", "map-corrupt")},
     openapi_extra=IF_NONE_MATCH,
 )
 async def get_map(request: Request, id: MapId) -> Response:
@@ -110,7 +118,7 @@ async def get_map(request: Request, id: MapId) -> Response:
     responses={
         200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}},
         **CONDITIONAL,
-        **problems("unknown-map"),
+        **problems("unknown-map", "map-corrupt"),
     },
     openapi_extra=IF_NONE_MATCH,
 )
@@ -135,22 +143,26 @@ async def delete_map(request: Request, id: MapId) -> Response:
 
 
 async def _parts(request: Request, limit: int) -> list[bytes]:
-    if not request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "multipart/form-data":
         raise Refusal("unsupported-media-type", "Send the map as multipart/form-data with yaml and image.")
     try:
-        form = await bounded(request, limit).form(max_files=2, max_fields=2, max_part_size=limit)
+        with room_or_refusal():  # large parts wait in a temporary file
+            form = await bounded(request, limit).form(max_files=2, max_fields=2, max_part_size=limit)
     except HTTPException as error:
         raise FieldErrors([{"pointer": "", "detail": f"The form cannot be read: {error.detail}"}]) from None
     try:
-        found, errors = [], []
+        errors = [
+            {"pointer": pointer(name[:40]), "detail": "This is no part of a map: send yaml and image."}
+            for name in form
+            if name not in _PARTS
+        ]
         for name in _PARTS:
-            part = form.get(name)
-            if part is None:
-                errors.append({"pointer": f"/{name}", "detail": f"{name} is missing."})
-            else:
-                found.append(await part.read() if isinstance(part, UploadFile) else part.encode())
+            if (count := len(form.getlist(name))) != 1:
+                detail = f"{name} is given twice." if count else f"{name} is missing."
+                errors.append({"pointer": f"/{name}", "detail": detail})
         if errors:
             raise FieldErrors(errors)
-        return found
+        parts = [form[name] for name in _PARTS]
+        return [await part.read() if isinstance(part, UploadFile) else part.encode() for part in parts]
     finally:
         await form.close()

@@ -49,8 +49,8 @@ async def limits(request: Request) -> Response:
     settings = settings_of(request)
     own = (
         "max_time_budget", "deadline_grace", "max_body_bytes", "max_map_bytes", "max_map_cells", "max_maps",
-        "workers", "queue_length", "queue_timeout", "receive_timeout", "max_batches", "max_batch_bytes",
-        "batch_keep", "batch_store_bytes",
+        "max_store_bytes", "workers", "queue_length", "queue_timeout", "receive_timeout", "max_batches",
+        "max_batch_bytes", "batch_keep", "batch_store_bytes",
     )  # fmt: skip
     return json_response(
         {name: getattr(settings, name) for name in own}
@@ -62,6 +62,8 @@ async def limits(request: Request) -> Response:
             "max_coordinate": fields.LARGEST_COORDINATE,
             "max_length": fields.LARGEST_LENGTH,
             "max_rate": fields.LARGEST_RATE,
+            "min_length": fields.SMALLEST_LENGTH,
+            "min_rate": fields.SMALLEST_RATE,
             "sample_period": schemas.SAMPLE_PERIODS,
         }
     )

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine
-from typing import Any
+from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.datastructures import State
 
 from api.answers import PlanAnswer
-from api.convert import to_problem
+from api.convert import FindMap, to_problem
 from api.errors import FieldErrors, Refusal, problem_document
-from api.http import problems, read_model, request_body, settings_of
+from api.http import leased_maps, problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
 from api.planning import Answer, answer_plan, server_sent_event, stream_plan
@@ -29,6 +29,7 @@ router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
 _FORMATS = {"json": "application/json", "csv": "text/csv", "events": "text/event-stream"}
 _GONE = 499
+_Format = Annotated[str | None, Query(description="json, csv or events; wins over Accept.", examples=["csv"])]
 
 
 @router.post(
@@ -46,12 +47,14 @@ _GONE = 499
             "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request",
             "invalid-geometry", "start-in-collision", "goal-in-collision", "start-out-of-bounds",
             "goal-out-of-bounds", "no-path-exists", "no-path-found", "limits-infeasible", "unknown-map",
-            "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
+            "map-corrupt", "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
         ),
     },
     openapi_extra=request_body(PlanRequest),
 )  # fmt: skip
-async def create_plan(request: Request, format: str | None = None) -> Response:
+async def create_plan(
+    request: Request, find_map: Annotated[FindMap, Depends(leased_maps)], format: _Format = None
+) -> Response:
     """A certified schedule of wheel speeds from start to goal, or the reason why there is none.
 
     As text/event-stream, with effort best: each better plan as it is found. An event `plan` holds
@@ -61,7 +64,7 @@ async def create_plan(request: Request, format: str | None = None) -> Response:
     state, settings = request.app.state, settings_of(request)
     media_type = _media_type(request, format)
     asked = await read_model(request, PlanRequest)
-    problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
+    problem = await anyio.to_thread.run_sync(to_problem, asked, find_map, settings.max_time_budget)
     if media_type == "text/event-stream":
         events: asyncio.Queue[bytes | None] = asyncio.Queue()
         return await _stream(

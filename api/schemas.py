@@ -10,6 +10,7 @@ from api.drive_schemas import EXAMPLES, DriveSchema
 from api.fields import (
     LARGEST_LENGTH,
     LARGEST_RATE,
+    SMALLEST_RATE,
     Angle,
     Coordinate,
     Strict,
@@ -56,7 +57,7 @@ class RectangleFootprint(Strict):
     length: float = extent("Extent along the body's x axis", example=0.8)
     width: float = extent("Extent along the body's y axis", example=0.6)
     offset: float = extent(
-        "How far ahead of the body origin its centre lies", 0.0, ge=-LARGEST_LENGTH, gt=None, example=0.1
+        "How far ahead of the body origin its centre lies", 0.0, ge=-LARGEST_LENGTH, example=0.1
     )
 
 
@@ -73,7 +74,7 @@ def _per_wheel_kind(value: Any) -> str | None:
     return "every wheel" if not isinstance(value, str | list | None) else None
 
 
-_Rate = Annotated[float, Field(gt=0, le=LARGEST_RATE)]
+_Rate = Annotated[float, Field(ge=SMALLEST_RATE, le=LARGEST_RATE)]
 PerWheel = Annotated[
     Annotated[_Rate, Tag("every wheel")] | Annotated[dict[WheelName, _Rate], Tag("by wheel")],
     Discriminator(_per_wheel_kind),
@@ -90,7 +91,7 @@ class LimitsSchema(Strict):
     )
     steering_angle: float | None = quantity(
         "Largest |angle| of any steered wheel; required where the drive is car-like",
-        "rad", None, example=1.1, gt=0, le=100.0,
+        "rad", None, example=1.1, ge=1e-6, le=100.0,
     )  # fmt: skip
     steering_rate: float | None = rate(
         "Largest rate of any steered wheel; required where the drive steers", "rad/s", None, example=2.0
@@ -172,7 +173,9 @@ class MapReference(Strict):
     """An uploaded map."""
 
     id: str = quantity("The map's id, 64 hexadecimal digits", example="0" * 64, max_length=256)
-    unknown: Literal["occupied", "free"] = quantity("What unknown cells count as", "", "occupied")
+    unknown: Literal["occupied", "free"] = quantity(
+        "What unknown cells count as", "", "occupied", example="occupied"
+    )
 
 
 class EnvironmentSchema(Strict):
@@ -193,10 +196,10 @@ class OptionsSchema(Strict):
     )
     effort: Literal["first", "good", "best"] = quantity(
         'When to stop improving: "first", at the first certified plan; "good", when it no longer pays; '
-        '"best", when time_budget ends', "", "good",
+        '"best", when time_budget ends', "", "good", example="good",
     )  # fmt: skip
     seed: int = quantity(
-        'Same request and seed, same plan (effort "best" excepted)', "", 0, ge=0, lt=2**31, example=7
+        'Same request and seed, same plan (effort "best" excepted)', "1", 0, ge=0, lt=2**31, example=7
     )
     sample_period: float = quantity(
         "Spacing of the schedule's samples",
@@ -206,10 +209,12 @@ class OptionsSchema(Strict):
         le=SAMPLE_PERIODS[1],
         example=0.02,
     )
-    min_clearance: float = extent("The footprint keeps at least this far from obstacles", 0.0, ge=0, gt=None)
-    reverse: bool = quantity("Whether the robot may drive backwards", "", True)
+    min_clearance: float = extent(
+        "The footprint keeps at least this far from obstacles", 0.0, example=0.05, ge=0
+    )
+    reverse: bool = quantity("Whether the robot may drive backwards", "", True, example=True)
     turning_radius: float | None = extent(
-        "Floor on the turning radius of a nonholonomic drive", None, example=1.0, ge=0, gt=None
+        "Floor on the turning radius of a nonholonomic drive", None, example=1.0, ge=0
     )
 
 
@@ -281,8 +286,9 @@ class InverseRequest(Strict):
     drive: DriveSchema = quantity("The wheels, by type")
     twist: TwistSchema = quantity("The body's velocity")
     steering: dict[WheelName, Angle] | None = quantity(
-        "Present angle of each steered wheel; a powered_caster needs it", "rad", None, max_length=MAX_WHEELS
-    )
+        "Present angle of each steered wheel; a powered_caster needs it",
+        "rad", None, example={"front": 0.3, "rear": 0.3}, max_length=MAX_WHEELS,
+    )  # fmt: skip
 
 
 class ForwardRequest(Strict):
@@ -297,11 +303,13 @@ class ForwardRequest(Strict):
     )
 
     drive: DriveSchema = quantity("The wheels, by type")
-    wheels: _Rates = quantity("Rate of each wheel", "rad/s", max_length=MAX_WHEELS)
+    wheels: _Rates = quantity(
+        "Rate of each wheel", "rad/s", example={"left": 4.5, "right": 5.5}, max_length=MAX_WHEELS
+    )
     steering: dict[WheelName, Angle] = quantity(
-        "Angle of each steered wheel", "rad", {}, max_length=MAX_WHEELS
+        "Angle of each steered wheel", "rad", {}, example={}, max_length=MAX_WHEELS
     )
     steering_rates: _Rates | None = quantity(
         "Rate of each steered wheel; 0 where absent. It matters to powered_caster and synchro",
-        "rad/s", None, max_length=MAX_WHEELS,
+        "rad/s", None, example={"front": 0.0}, max_length=MAX_WHEELS,
     )  # fmt: skip

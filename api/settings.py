@@ -66,6 +66,7 @@ class Settings:
     max_map_bytes: Annotated[int, "the largest map upload, yaml and image together"] = 32 << 20
     max_map_cells: Annotated[int, "the largest map, width times height"] = 4096 * 4096
     max_maps: Annotated[int, "maps kept in store"] = 1000
+    max_store_bytes: Annotated[int, "what these may take on disk, all together"] = 10 << 30
     max_batches: Annotated[int, "batches that may run at once"] = 8
     max_batch_bytes: Annotated[int, "the largest body of a batch"] = 8 << 20
     batch_keep: Annotated[float, "how long the results of a batch are kept after its end, s"] = 86400.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -194,13 +195,16 @@ def _map_ground(layer: MapLayer) -> _Ground:
     point = _body(Footprint(np.zeros((1, 2)), 1.0), math.nan, 0.0)
     world, start = _laid_out(ground, point, walls, tree, np.empty(0))
     fill_field(world)
-    return ground._replace(field=world[start:].reshape(shape).copy())
+    ground = ground._replace(field=world[start:].reshape(shape).copy())
+    with suppress(OSError):  # the next process has it, where there is room
+        keep(layer, cells.shape, ground.tree, ground.field)
+    return ground
 
 
 def prepare_map(layer: MapLayer) -> None:
     """Keep beside a map's cells what planning on it needs first, for both readings of its unknown cells.
 
-    Whoever plans then maps it into memory; without it, each process computes it. Raises OSError.
+    Whoever plans then maps it into memory. Raises OSError.
     """
     cells = np.load(layer.directory / "cells.npy", mmap_mode="r")
     readings = [replace(layer, unknown=unknown) for unknown in ("occupied", "free")]

@@ -19,6 +19,7 @@ __all__ = ["shorten"]
 _STATIONS = 24
 """Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
 than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
+_MOST_STATIONS = 1000
 _LAZY = 40
 """How often a choice may turn out not to be free before all motions are checked."""
 _ROUNDS = 4
@@ -158,7 +159,7 @@ def _unwrapped(start: Pose, steps: list[Path]) -> Path:
 def _stations(path: Path) -> tuple[Array, Path]:
     """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
     ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    wanted = max(_STATIONS, ways.sum())
+    wanted = min(max(_STATIONS, ways.sum()), _MOST_STATIONS)
     shares = np.maximum(1, np.floor(wanted * ways / ways.sum())).astype(int)
     parts = tuple(
         piece.part(k / n, (k + 1) / n)

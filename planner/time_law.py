@@ -216,7 +216,10 @@ def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
     if math.isfinite(jerk):
         given.max_jerk = [jerk * unit**3]
     found = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(given, found)
+    try:
+        result = ruckig.Ruckig(1).calculate(given, found)
+    except ruckig.RuckigError:  # limits too far apart for its arithmetic
+        result = ruckig.Result.Error
     if result != ruckig.Result.Working:
         raise LimitsInfeasible(f"no motion meets the limits: {result}")
     p = found.profiles[0][0]

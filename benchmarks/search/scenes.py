@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from api.maps import DecodedMap, MapStore, read_map
+from api.maps import MapStore
+from api.occupancy import DecodedMap, read_map
 from benchmarks.search import narrow
 from benchmarks.search.mobilities import Mobility
 from drives.se2 import Array, Pose

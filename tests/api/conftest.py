@@ -72,6 +72,7 @@ class FakePlanner:
         self.problem: Problem | None = None
         self.raises: BaseException | None = None
         self.duration = 0.04
+        self.meanwhile: Callable[[Problem], None] = lambda _: None
         self.before: list[float] = []
         """Durations of the plans that it tells of on the way."""
 
@@ -80,6 +81,7 @@ class FakePlanner:
         for duration in self.before:
             assert improved is not None
             improved(self.made(duration))
+        self.meanwhile(problem)
         if self.raises is not None:
             raise self.raises
         return self.made(self.duration)

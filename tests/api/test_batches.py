@@ -384,7 +384,7 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
         return b'{"number":%d}' % number
 
     async def main():
-        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), lambda request: request, plan, 1)
+        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, plan, 1)
         batches.start()
         id = (await batches.add([0, 1, 2]))["id"]
         early, seen = await batches.lines(id), []

@@ -73,6 +73,23 @@ BAD = [
     ({"/options/turning_radius": -0.1}, INVALID, None),
     ({"/environment/bounds/x_min": 5}, INVALID, "/environment/bounds/x_max"),
     ({"/environment/bounds/y_max": -7}, INVALID, None),
+    # too small or too large for arithmetic
+    ({f"{LIMITS}/wheel_speed": 1e-300}, INVALID, None),
+    ({f"{LIMITS}/wheel_speed": 1e300}, INVALID, None),
+    ({f"{LIMITS}/wheel_jerk": {"left": 5e-324, "right": 1}}, INVALID, f"{LIMITS}/wheel_jerk/left"),
+    ({f"{LIMITS}/angular_speed": 1e-300}, INVALID, None),
+    ({f"{LIMITS}/steering_angle": 1e-300}, INVALID, None),
+    ({f"{DRIVE}/track_width": 1e-300}, INVALID, None),
+    ({f"{FOOTPRINT}/length": 1e-300}, INVALID, None),
+    ({"/environment/obstacles/0": {"type": "circle", "center": [0, 0], "radius": 1e-300}}, INVALID,
+     "/environment/obstacles/0/radius"),
+    ({"/start/x": 1e300}, INVALID, None),
+    ({"/goal/y": -1e300}, INVALID, None),
+    ({"/environment/bounds/x_max": 1e300}, INVALID, None),
+    ({"/environment/obstacles/0": {"type": "circle", "center": [0, 1e300], "radius": 1}}, INVALID,
+     "/environment/obstacles/0/center/1"),
+    ({FOOTPRINT: {"type": "polygon", "vertices": [[i, i * i] for i in range(10_000)]}}, INVALID,
+     f"{FOOTPRINT}/vertices"),
     # missing
     ({"/robot": ...}, INVALID, None),
     ({"/start": ...}, INVALID, None),
@@ -189,9 +206,9 @@ def test_the_sentence_names_field_value_and_bound(client, body):
     (error,) = client.post("/v1/plans", json=body).json()["errors"]
     assert error == {
         "pointer": "/robot/drive/wheel_radius",
-        "detail": "wheel_radius is -0.1; it must be > 0.",
+        "detail": "wheel_radius is -0.1; it must be >= 1e-06.",
         "value": -0.1,
-        "bound": "> 0",
+        "bound": ">= 1e-06",
     }
 
 

@@ -45,30 +45,73 @@ def test_every_schema_and_field_is_described(document):
             assert about.get("description"), f"{name}.{field}"
 
 
-def numbers(schema, path):
-    if schema.get("type") in ("number", "integer"):
-        yield path, schema
-    for part in ("anyOf", "oneOf"):
-        for option in schema.get(part, []):
-            yield from numbers(option, path)
-    for part in ("items", "additionalProperties"):
-        if isinstance(schema.get(part), dict):
-            yield from numbers(schema[part], path)
+def leaves(schema, path=""):
+    """(path, schema) of all that a field may hold and that is no other component."""
+    for option in schema.get("anyOf", schema.get("oneOf", [schema])):
+        if option.get("type") not in (None, "null"):
+            yield path, option
+        for part, sign in (("items", "[]"), ("additionalProperties", "{}")):
+            if isinstance(option.get(part), dict):
+                yield from leaves(option[part], path + sign)
 
 
-def test_every_number_of_a_request_but_an_angle_has_both_bounds(document):
-    requests = [
-        s for n, s in document["components"]["schemas"].items() if s.get("additionalProperties") is False
+def lacking(field, is_request):
+    """What a field's documentation lacks, of description, unit, bounds and example."""
+    found = list(leaves(field))
+    if not field.get("description"):
+        yield "description"
+    if not ("$ref" in json.dumps(field) or {"examples", "const"} & field.keys()):
+        yield "example"
+    for path, schema in found:
+        if schema["type"] in ("number", "integer"):
+            if not ({"minimum", "exclusiveMinimum"} & schema.keys()):
+                yield f"lower bound {path}"
+            if not ({"maximum", "exclusiveMaximum"} & schema.keys()):
+                yield f"upper bound {path}"
+            if not field.get("x-unit"):
+                yield f"unit {path}"
+        elif (is_request and schema["type"] == "array" and "maxItems" not in schema) or (
+            is_request
+            and schema["type"] == "string"
+            and not {"enum", "const", "maxLength", "pattern"} & schema.keys()
+        ):
+            yield f"bound {path}"
+
+
+def test_every_field_has_a_description_a_unit_bounds_and_an_example(document):
+    lists = []
+    for name, schema in document["components"]["schemas"].items():
+        is_request = schema.get("additionalProperties") is False
+        for field, about in schema.get("properties", {}).items():
+            lists += [f"{name}.{field}: {what}" for what in lacking(about, is_request)]
+    assert lists == []
+    assert (
+        sum(s.get("additionalProperties") is False for s in document["components"]["schemas"].values()) > 20
+    )
+
+
+@pytest.mark.parametrize(
+    ("field", "lacks"),
+    [
+        ({"type": "number"}, {"description", "example", "lower bound ", "upper bound ", "unit "}),
+        (
+            {"type": "array", "items": {"type": "string"}, "description": "x", "examples": [1]},
+            {"bound ", "bound []"},
+        ),
+    ],
+)
+def test_the_list_of_what_lacks_finds_it(field, lacks):
+    assert set(lacking(field, True)) == lacks
+
+
+def test_every_parameter_has_a_description_and_an_example(document):
+    parameters = [
+        (name, p) for name, operation in operations(document) for p in operation.get("parameters", [])
     ]
-    assert len(requests) > 20
-    for schema in requests:
-        for field, about in schema["properties"].items():
-            for path, number in numbers(about, f"{schema['title']}.{field}"):
-                bounds = (
-                    {"minimum", "exclusiveMinimum"} & set(number),
-                    {"maximum", "exclusiveMaximum"} & set(number),
-                )
-                assert all(bounds) or "rad." in about["description"], path
+    assert {p["name"] for _, p in parameters} >= {"id", "If-None-Match", "format"}
+    for name, parameter in parameters:
+        assert parameter.get("description"), (name, parameter["name"])
+        assert "example" in parameter or "examples" in parameter["schema"], (name, parameter["name"])
 
 
 def test_every_code_is_announced_by_a_route(document):
@@ -127,5 +170,13 @@ def test_every_example_of_a_field_works_when_posted(client, document, body):
         assert answer.status_code == 200, answer.text
 
 
-def test_the_documentation_is_served(client):
-    assert client.get("/docs").status_code == 200
+def test_the_documentation_needs_nothing_but_this_service(client):
+    page = client.get("/docs")
+    assert page.status_code == 200
+    needed = re.findall(r"""(?:src|href|url)["']?\s*[=:]\s*["']([^"']+)""", page.text)
+    assert "/openapi.json" in needed
+    assert len(needed) >= 4
+    for path in needed:
+        assert path.startswith("/"), path
+        assert client.get(path).status_code == 200, path
+    assert '"validatorUrl": null' in page.text  # else the page would send the document to be judged

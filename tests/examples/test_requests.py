@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from api.convert import to_problem
-from api.maps import MapStore, decode_map
+from api.maps import MapStore
+from api.occupancy import decode_map
 from api.planning import make_plan, plan_document
 from api.schemas import PlanRequest
 from api.strict_json import read_json

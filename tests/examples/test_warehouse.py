@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from api.maps import FREE, OCCUPIED, UNKNOWN, DecodedMap, decode_map
+from api.occupancy import FREE, OCCUPIED, UNKNOWN, DecodedMap, decode_map
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 KEPT = EXAMPLES / "warehouse"
