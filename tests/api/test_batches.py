@@ -399,3 +399,19 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
         await batches.close()
 
     asyncio.run(asyncio.wait_for(main(), 20))
+
+
+def test_closing_ends_even_in_the_moment_in_which_a_worker_is_free_again(tmp_path):
+    class Busy:
+        ready, spare, draining = True, 0, False
+
+    async def main():
+        batches = Batches(Busy(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, None, 1)
+        batches.start()
+        id = (await batches.add([0]))["id"]
+        await asyncio.sleep(0.1)
+        batches._stir.set()
+        await batches.close()
+        assert (await batches.document(id))["cancelled"] == 1
+
+    asyncio.run(asyncio.wait_for(main(), 10))
