@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from typing import Any
 
 import h11
@@ -12,10 +13,14 @@ from api.errors import Refusal, problem_response
 
 __all__ = ["Protocol"]
 
+_STALLED = 4
+"""An answer may stand still for so many times the receive timeout."""
+
 
 class Protocol(H11Protocol):
     """Closes a connection whose request's head has not arrived within `receive_timeout`; uvicorn itself only
-    closes one that is silent after an answer. Bodies have their deadline in api.middleware."""
+    closes one that is silent after an answer. Bodies have their deadline in api.middleware. A client who does
+    not take its answer is given up by the kernel, on Linux."""
 
     def __init__(self, config: Any, *args: Any, **more: Any) -> None:
         super().__init__(config, *args, **more)
@@ -24,6 +29,10 @@ class Protocol(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            milliseconds = round(_STALLED * self._head_timeout * 1000)
+            connection: socket.socket = transport.get_extra_info("socket")
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, milliseconds)
         self._await_head()
 
     def data_received(self, data: bytes) -> None:

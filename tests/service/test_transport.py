@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from tests.service.service import head, serving, until
+from tests.service.service import QUICK, head, serving, until
 
 CLOSED_WITHIN = 10.0
 """What an operator is promised; the default receive_timeout is a little less."""
@@ -98,6 +98,21 @@ def test_a_large_body_that_keeps_coming_may_take_longer_than_a_small_one(tmp_pat
         assert time.monotonic() - began > 1.9
         answer = connection.recv(1 << 16)
         assert answer.startswith(b"HTTP/1.1 400 "), answer
+        connection.close()
+
+
+def test_a_client_who_does_not_take_its_answer_is_given_up(tmp_path):
+    with serving(tmp_path, workers=1, receive_timeout=0.5) as server:
+        until(lambda: server.call("/metrics") and True)
+        open_files = server.metric("process_open_fds")
+        connection = socket.socket()
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect(("127.0.0.1", server.port))
+        body = json.dumps(QUICK | {"options": QUICK["options"] | {"sample_period": 0.001}}).encode()
+        for _ in range(20):  # each answer has a megabyte
+            connection.sendall(head(f"Content-Length: {len(body)}") + body)
+        until(lambda: server.metric("process_open_fds") > open_files, 20)
+        until(lambda: server.metric("process_open_fds") <= open_files, 30)
         connection.close()
 
 
