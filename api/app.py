@@ -32,7 +32,7 @@ from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import PROBES, Envelope
 from api.planning import answer_plan
-from api.scheduler import Scheduler, scheduler_of
+from api.scheduler import Scheduler, local_pool
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
 from api.tokens import Guard, Tokens
@@ -40,7 +40,7 @@ from api.validation import validated
 from planner.errors import PlanningError
 from planner.problem import Problem as PlanProblem
 
-__all__ = ["create_app"]
+__all__ = ["create_app", "scheduler_of"]
 
 _ROUTES = (routes_plans, routes_batches, routes_kinematics, routes_drives, routes_maps, routes_operations)
 
@@ -89,6 +89,20 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     app.add_exception_handler(HTTPException, _http_error)
     app.openapi = lambda: _openapi(app, settings)  # type: ignore[method-assign]
     return app
+
+
+def scheduler_of(settings: Settings) -> Scheduler:
+    """The scheduler that the settings ask for. Raises ValueError."""
+    address = settings.scheduler
+    if not address:
+        return local_pool(settings, settings.workers)
+    if "://" not in address:
+        raise ValueError(f"WHEELPLAN_SCHEDULER must be an address like tcp://host:8786, not {address!r}")
+    try:
+        from api.cluster import Cluster  # takes long to import
+    except ImportError as error:
+        raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
+    return Cluster(address, settings.queue_length, settings.queue_timeout)
 
 
 def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:

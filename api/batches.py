@@ -208,8 +208,10 @@ class Batches:
                 await self._cancel_all()
                 return
             self._stir.clear()
+            # Not wait_for, which before Python 3.12 loses a cancellation that comes with the event.
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._stir.wait(), _GLANCE)
+                async with asyncio.timeout(_GLANCE):
+                    await self._stir.wait()
 
     async def _carry(self, batch: _Batch, item: _Item, problem: Problem) -> None:
         try:
