@@ -13,7 +13,7 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
-from api import routes_drives, routes_kinematics, routes_maps, routes_operations, routes_plans
+from api import routes_drives, routes_kinematics, routes_maps, routes_operations, routes_page, routes_plans
 from api.answers import Problem
 from api.errors import Refusal, problem_response
 from api.maps import MapStore
@@ -26,7 +26,7 @@ from planner.errors import PlanningError
 
 __all__ = ["create_app"]
 
-_ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_maps, routes_operations)
+_ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_maps, routes_operations, routes_page)
 
 
 def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
