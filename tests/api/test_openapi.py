@@ -23,8 +23,8 @@ def operations(document):
 def test_every_route_of_the_contract_is_described(document):
     assert {name for name, _ in operations(document)} == {
         "POST /v1/plans", "GET /v1/drives", "POST /v1/kinematics/inverse", "POST /v1/kinematics/forward",
-        "POST /v1/maps", "GET /v1/maps", "GET /v1/maps/{id}", "DELETE /v1/maps/{id}", "GET /livez",
-        "GET /readyz", "GET /metrics", "GET /v1/limits",
+        "POST /v1/maps", "GET /v1/maps", "GET /v1/maps/{id}", "GET /v1/maps/{id}/image",
+        "DELETE /v1/maps/{id}", "GET /livez", "GET /readyz", "GET /metrics", "GET /v1/limits",
     }  # fmt: skip
     for _, operation in operations(document):
         assert operation["summary"]
