@@ -25,7 +25,11 @@ const scratch = new OffscreenCanvas(1, 1);
 let ratio = 1, baseDue = true, due = false;
 
 export function startFloor() {
-  new ResizeObserver(resize).observe(byId("floor"));
+  new ResizeObserver(() => {
+    if (!state.request || !resize()) return;
+    baseDue = true;
+    frame(); // at once: a canvas that has been sized is empty
+  }).observe(byId("floor"));
   for (const topic of ["request", "motion", "problem", "theme", "view"]) on(topic, () => draw(true));
   on("time", () => draw(false));
   on("fit", fit);
@@ -56,28 +60,31 @@ export function fit() {
 /** How long a pixel is in the world, m. */
 export const pixel = () => 1 / camera.scale;
 
-function resize([{ contentRect }]) {
-  ratio = Math.min(2, devicePixelRatio || 1);
-  const { width, height } = contentRect;
-  if (!width || !height) return;
+/** Takes the size that the floor has now; whether that is another than before. */
+function resize() {
+  const { clientWidth: width, clientHeight: height } = byId("floor");
+  const now = Math.min(2, devicePixelRatio || 1);
+  if (!width || !height || (width === camera.width && height === camera.height && now === ratio)) return false;
+  ratio = now;
   for (const { canvas } of [base, top]) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
   }
   camera.width = width;
   camera.height = height;
-  baseDue = true;
-  if (state.request) fit();
-  frame(); // at once: a canvas that has been sized is empty
+  fit();
+  return true;
 }
 
 function frame() {
   due = false;
   if (!state.request) return;
-  if (baseDue) drawBase();
+  if (baseDue) {
+    resize();
+    drawBase();
+  }
   baseDue = false;
   drawTop();
-  tell("drawn");
 }
 
 function drawBase() {
@@ -87,7 +94,7 @@ function drawBase() {
   camera.apply(base, ratio);
   drawWorld(base, camera, pixel());
   if (state.motion) drawMotion(base, state.motion, pixel(), scratch);
-  if (state.problem?.proof) drawProof(base, state.problem.proof);
+  if (state.problem?.proof && isSomewhere(state.problem.proof)) drawProof(base, state.problem.proof);
   scaleBar(base);
 }
 
@@ -171,9 +178,15 @@ function circle(context, { x, y }, radius) {
   context.arc(x, y, radius, 0, 7);
 }
 
+/** Whether a proof has a place: a way too narrow, or an end where the disc does not fit. A closed wall has none. */
+function isSomewhere({ x, y, width }) {
+  const { robot, start, goal } = state.request;
+  const near = reach(outline(robot.footprint));
+  return width > 0 || [start, goal].some((pose) => Math.hypot(pose.x - x, pose.y - y) <= near);
+}
+
 /** Where a proof says that the robot cannot pass: the disc inside the footprint, and what room it has. */
 function drawProof(context, { x, y, radius, width }) {
-  if (![x, y, radius].every(Number.isFinite)) return;
   context.strokeStyle = context.fillStyle = palette.css.bad;
   context.lineWidth = 2 * pixel();
   circle(context, { x, y }, radius);

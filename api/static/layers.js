@@ -1,6 +1,6 @@
 /** What does not move: the floor with what stands on it, and a plan's path and swept footprints. */
 
-import { corners, inside, placed, reach } from "./geometry.js";
+import { corners, inside, placed } from "./geometry.js";
 import { hits, mapCorners, picture, summary } from "./maps.js";
 import { mixed, palette } from "./palette.js";
 import { trace } from "./robot.js";
@@ -146,13 +146,7 @@ function drawOutlines(context, motion, pixel) {
 }
 
 /** Samples evenly along the way that the footprint's rim travels, at most `most`, first and last among them. */
-function spread(motion, most) {
-  const { x, y, theta } = motion.pose;
-  const rim = motion.bodyHeading === null ? reach(motion.outline) : 0;
-  const way = new Float64Array(motion.samples);
-  for (let i = 1; i < way.length; i++) {
-    way[i] = way[i - 1] + Math.hypot(x[i] - x[i - 1], y[i] - y[i - 1]) + rim * Math.abs(theta[i] - theta[i - 1]);
-  }
+function spread({ way }, most) {
   const step = way.at(-1) / (most - 1);
   const found = [0];
   for (let i = 1; i < way.length; i++) if (way[i] >= found.length * step - 1e-9) found.push(i);

@@ -1,6 +1,6 @@
 /** A plan as typed arrays, and where everything is at any time. */
 
-import { outline } from "./geometry.js";
+import { outline, reach } from "./geometry.js";
 import { wheelsOf } from "./wheels.js";
 
 /**
@@ -29,6 +29,7 @@ export class Motion {
     // A synchro drive turns its wheels and leaves its body as it stands.
     const { drive } = request.robot;
     this.bodyHeading = drive.type === "synchro" ? (drive.body_heading ?? request.start.theta) : null;
+    this.way = travelled(this.pose, this.bodyHeading === null ? reach(this.outline) : 0);
     this.byName = new Map(this.wheels.map((wheel) => [wheel.name, wheel]));
   }
 
@@ -71,6 +72,15 @@ export class Motion {
 /** A series at a place in time. */
 export function at(series, { low, high, share }) {
   return series[low] + share * (series[high] - series[low]);
+}
+
+/** How far the rim of a footprint has come at each sample, m: the body origin's way and the turning at `rim`. */
+function travelled({ x, y, theta }, rim) {
+  const way = new Float64Array(x.length);
+  for (let i = 1; i < way.length; i++) {
+    way[i] = way[i - 1] + Math.hypot(x[i] - x[i - 1], y[i] - y[i - 1]) + rim * Math.abs(theta[i] - theta[i - 1]);
+  }
+  return way;
 }
 
 function columns(of, names) {

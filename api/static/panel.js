@@ -154,14 +154,14 @@ function space() {
   const none = element("option", { value: "" }, "None");
   const known = state.maps.map((map) => {
     const size = [map.width, map.height].map((cells) => short(cells * map.resolution)).join(" × ");
-    return element("option", { value: map.id }, `${shortId(map.id)}  ${size} m`);
+    return element("option", { value: map.id }, `${size} m, ${shortId(map.id)}`);
   });
   const input = element("select", {}, none, ...known);
   input.value = chosen;
   input.addEventListener("change", () => chooseMap(input.value));
   const file = element("input", { type: "file", multiple: true, accept: ".yaml,.yml,.pgm,.png", className: "unseen" });
   file.addEventListener("change", () => upload([...file.files]).finally(() => (file.value = "")));
-  const button = element("label", { className: "button quiet", tabIndex: -1 }, "Upload yaml and image", file);
+  const button = element("label", { className: "quiet upload" }, "Upload a yaml and its image", file);
   const made = [line({ title: "Map", pointer: "/environment/map" }, input, ""), button];
   if (chosen) made.push(...fields(schema("MapReference"), state.schemas, "/environment/map", { skip: ["id"] }));
   const bounded = environment.bounds !== undefined;

@@ -26,8 +26,9 @@ export function complain(problem, retry = null) {
   if (fields.length && !unplaced.length) {
     reveal(fields[0]);
     fields[0].scrollIntoView({ block: "nearest" });
-    const [first] = problem.errors;
-    notice(problem.title, problem.errors.length > 1 ? `${problem.errors.length} fields are marked.` : first.detail);
+    const { errors } = problem;
+    if (errors.length > 1) notice(`${errors.length} fields need another value`, "They are marked in the setup.");
+    else notice("A field needs another value", errors[0].detail);
     (fields[0].querySelector("input, select, textarea") ?? fields[0]).focus({ preventScroll: true });
   } else {
     notice(problem.title, [detail(problem, which), ...unplaced.map((error) => error.detail)].filter(Boolean).join(" "));
@@ -47,7 +48,8 @@ function detail(problem, which) {
   if (problem.proof) {
     const { radius, width, width_needed } = problem.proof;
     const [r, ru] = length(radius), [w, wu] = length(width), [n, nu] = length(width_needed);
-    return `Even a disc of radius ${r} ${ru} inside the footprint cannot pass: it needs ${n} ${nu}, and the widest way, marked on the plan, has ${w} ${wu}.`;
+    const way = width > 0 ? `the widest way, marked on the plan, has ${w} ${wu}` : "what stands between leaves no gap";
+    return `Even a disc of radius ${r} ${ru} inside the footprint cannot pass: it needs ${n} ${nu}, and ${way}.`;
   }
   return problem.errors ? "" : problem.detail;
 }
