@@ -1,10 +1,10 @@
 """How quick the page is: from a plan's arrival to its first frame, and frames a second while it plays.
 
-    python -m benchmarks.page [--runs 5] [--seconds 4]
+    python -m benchmarks.page [--url http://127.0.0.1:8000] [--runs 5] [--seconds 4]
 
-The plan is the page's own example driven slowly and sampled every 5 ms, some 5,000 samples, in headless Chromium
-without a GPU against a `wheelplan serve` of its own. Times are medians, measured in the page: from the moment
-the whole answer is there to the end of the frame that first shows it, charts included.
+It needs a running service, playwright and a Chromium. The plan is the page's own example, driven slowly and
+sampled every 5 ms: some 6,000 samples. Times are measured in the page: from the moment the whole answer is there
+to the end of the frame that first shows it, charts included.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from __future__ import annotations
 import argparse
 import shutil
 import statistics
-import tempfile
-from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-from tests.page.server import CHROMIUM_ARGUMENTS, Server
+ARGUMENTS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
 
 SLOW = """async () => (await import("/static/state.js")).edit((request) => {
   Object.assign(request.robot.limits, { wheel_speed: 4, wheel_acceleration: 5 });
@@ -42,19 +43,17 @@ FRAMES = """(seconds) => new Promise((resolve) => {
 })"""
 
 
-def measure(runs: int, seconds: float) -> None:
+def measure(url: str, runs: int, seconds: float) -> None:
     """Prints the figures."""
-    with tempfile.TemporaryDirectory() as data, Server(Path(data)) as server, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=shutil.which("chromium"), args=list(CHROMIUM_ARGUMENTS)
-        )
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
         cold: list[float] = []
         warm: list[float] = []
         gaps: list[float] = []
         samples: Any = None
         for _ in range(runs):
             page = browser.new_page(viewport={"width": 1280, "height": 800})
-            page.goto(server.url)
+            page.goto(url)
             page.wait_for_selector("html[data-ready]")
             page.evaluate(SLOW)
             for waits in (cold, warm):
@@ -75,7 +74,8 @@ def measure(runs: int, seconds: float) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--url", default="http://127.0.0.1:8000")
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=4.0)
     given = parser.parse_args()
-    measure(given.runs, given.seconds)
+    measure(given.url, given.runs, given.seconds)

@@ -65,7 +65,7 @@ function entry(shape, context) {
   const input = element("input", number ? { type: "number", step: "any", inputMode: "decimal" } : { type: "text" });
   if (optional) input.placeholder = about.default ?? "none";
   bind(input, pointer, (value) => {
-    input.value = number && Number.isFinite(value) ? String(Number(value.toPrecision(6))) : (value ?? "");
+    input.value = number && Number.isFinite(value) ? String(Number(value.toPrecision(5))) : (value ?? "");
   });
   input.addEventListener("input", () => {
     const value = input.value === "" ? undefined : number ? input.valueAsNumber : input.value;

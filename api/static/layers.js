@@ -160,7 +160,8 @@ function drawPath(context, motion, pixel) {
   for (let i = 0; i < n; i++) top = Math.max(top, Math.hypot(vx[i], vy[i]));
   context.lineWidth = 2.6 * pixel;
   context.lineCap = context.lineJoin = "round";
-  const shade = (i) => Math.min(SHADES - 1, Math.floor((SHADES * Math.hypot(vx[i], vy[i])) / top));
+  // Faded, the path is of one tone: the ends of its pieces would show where they overlap.
+  const shade = state.stale ? () => SHADES - 1 : (i) => Math.min(SHADES - 1, Math.floor((SHADES * Math.hypot(vx[i], vy[i])) / top));
   for (let from = 0; from < n - 1; ) {
     const tone = shade(from);
     context.beginPath();

@@ -28,6 +28,7 @@ function show() {
       ...figure("Planner", answer.planning.planner, "", `${fixed(1e3 * (answer.planning.timings?.total ?? 0), 0)} ms`),
     ),
     element("ul", { className: "lamps" }, ...lamps(answer.certificate, request)),
+    element("p", { className: "outdated" }, "The setup has changed since: plan again."),
   );
 }
 
