@@ -17,7 +17,9 @@ _FILES = StaticFiles(directory=Path(__file__).with_name("static"), check_dir=Fal
 _HEADERS = {
     # Kept, but asked about each time: the page and its modules are always of one version.
     "Cache-Control": "no-cache",
-    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": (
+        "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }

@@ -3,8 +3,8 @@
     python -m benchmarks.page [--url http://127.0.0.1:8000] [--runs 5] [--seconds 4]
 
 It needs a running service, playwright and a Chromium. The plan is the page's own example, driven slowly and
-sampled every 5 ms: some 6,000 samples. Times are measured in the page: from the moment the whole answer is there
-to the end of the frame that first shows it, charts included.
+sampled every 5 ms: some 6,000 samples. Times are measured in the page: from the moment the whole answer is
+there to the end of the frame that first shows it, charts included.
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ export async function uploadMap(yaml, image) {
   return (await answered("/v1/maps", { method: "POST", body: form })).json();
 }
 
-/** Body of POST /v1/plans in another format, as a Blob. */
-export async function planAs(format, request) {
-  return (await answered(`/v1/plans?format=${format}`, post(request))).blob();
+/** The plan of a request in another media type, as a Blob. */
+export async function planAs(type, request) {
+  return (await answered("/v1/plans", post(request, type))).blob();
 }
 
 /**
@@ -49,7 +49,7 @@ export async function plan(request, signal, heard) {
   throw new Refused({ code: "", title: "The stream ended early", detail: "The last plan it brought is kept." });
 }
 
-function post(request, accept = "*/*", signal = undefined) {
+function post(request, accept, signal = undefined) {
   const headers = { "Content-Type": "application/json", Accept: accept };
   return { method: "POST", headers, body: JSON.stringify(request), signal };
 }

@@ -1,28 +1,42 @@
 /** Taking it elsewhere: the request as a curl command or a link, the plan as a file. */
 
+import { planAs } from "./client.js";
 import { byId, element } from "./dom.js";
 import { link } from "./link.js";
 import { complain } from "./problems.js";
 import { on, state, tell } from "./state.js";
 
-/** Every format on offer. `make` gets the motion in view and returns, or promises, what goes into the file. */
-const DOWNLOADS = [
-  { title: "JSON", extension: "json", type: "application/json", make: ({ answer }) => JSON.stringify(answer) },
-  { title: "CSV", extension: "csv", type: "text/csv", make: ({ answer }) => csv(answer) },
+/** Made here of the plan in view. Other formats are asked for: the service's own document lists them. */
+const OWN = [
+  { type: "application/json", title: "JSON", make: ({ answer }) => JSON.stringify(answer) },
+  { type: "text/csv", title: "CSV, the schedule as a table", make: ({ answer }) => csv(answer) },
 ];
 
 export function startExport() {
-  const buttons = DOWNLOADS.map((format) => {
-    const button = element("button", { type: "button" }, format.title);
-    button.addEventListener("click", () => download(format));
-    return button;
-  });
-  byId("downloads").append(...buttons);
   byId("copy-curl").addEventListener("click", (event) => copy(byId("curl").textContent, event.target));
   byId("copy-link").addEventListener("click", async (event) => copy(await link(state.motion.request), event.target));
+  byId("download").addEventListener("click", download);
+  byId("format").addEventListener("change", note);
   on("motion", () => {
     if (state.motion) byId("curl").textContent = curl(state.motion.request);
+    note();
   });
+}
+
+/** Offers what the service says it answers with. @param content media types of POST /v1/plans */
+export function offerFormats(content) {
+  const others = Object.entries(content)
+    .filter(([type]) => type !== "text/event-stream" && !OWN.some((own) => own.type === type))
+    .map(([type, { schema }]) => ({ type, title: schema.description?.replace(/\.$/, "") ?? type }));
+  const options = [...OWN, ...others].map(({ type, title }) => element("option", { value: type }, title));
+  byId("format").replaceChildren(...options);
+}
+
+/** Says so where a file would not hold the very plan in view. */
+function note() {
+  const own = OWN.some((format) => format.type === byId("format").value);
+  const another = !own && state.motion?.request.options?.effort === "best";
+  byId("format-note").textContent = another ? "Planned anew: with effort best it may be another plan." : "";
 }
 
 /** The command that asks for the plan in view. */
@@ -31,14 +45,25 @@ function curl(request) {
   return `curl -s ${location.origin}/v1/plans \\\n  -H 'Content-Type: application/json' \\\n  -d '${body}'`;
 }
 
-async function download({ extension, type, make }) {
+async function download() {
+  const type = byId("format").value;
+  const { motion } = state;
   try {
-    const url = URL.createObjectURL(new Blob([await make(state.motion)], { type }));
-    element("a", { href: url, download: `plan-${state.motion.answer.id.slice(0, 8)}.${extension}` }).click();
+    const make = OWN.find((own) => own.type === type)?.make;
+    const content = make ? new Blob([make(motion)], { type }) : await planAs(type, motion.request);
+    const url = URL.createObjectURL(content);
+    element("a", { href: url, download: `plan-${motion.answer.id.slice(0, 8)}.${extension(type)}` }).click();
     setTimeout(() => URL.revokeObjectURL(url), 1e3);
   } catch (error) {
+    byId("export").hidePopover();
     complain(error.problem);
   }
+}
+
+/** "application/vnd.wheelplan.wpilib+json" → "wpilib.json", "image/svg+xml" → "svg". */
+function extension(type) {
+  const [, own] = /^application\/vnd\.\w+\.(.+)\+json$/.exec(type) ?? [];
+  return own ? `${own}.json` : type.split("/")[1].split("+")[0];
 }
 
 /** The table that `Accept: text/csv` gives. */

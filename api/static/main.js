@@ -4,7 +4,7 @@ import { getJson, plan } from "./client.js";
 import { startCharts } from "./charts.js";
 import { byId, element } from "./dom.js";
 import { EXAMPLE } from "./example.js";
-import { startExport } from "./export.js";
+import { offerFormats, startExport } from "./export.js";
 import { fit, startFloor } from "./floor.js";
 import { fixed } from "./format.js";
 import { startGrips } from "./grips.js";
@@ -15,11 +15,14 @@ import { startPanel } from "./panel.js";
 import { play, player } from "./player.js";
 import { complain, startProblems } from "./problems.js";
 import { startResult } from "./result.js";
-import { on, state, tell } from "./state.js";
+import { on, state, tell, undo } from "./state.js";
 import { startTools } from "./tools.js";
 import { startTransport } from "./transport.js";
 
-let running = null;
+/** How long a plan takes before one may want to stop it, ms. */
+const PATIENCE = 500;
+
+let running = null, patience = 0;
 
 async function start() {
   for (const begin of [startTheme, startProblems, startPanel, startFloor, startGrips, startTools, startTransport,
@@ -31,6 +34,7 @@ async function start() {
   byId("stop").addEventListener("click", () => running?.abort());
   byId("setup").addEventListener("change", () => tell("settled"));
   document.addEventListener("keydown", (event) => {
+    if (event.key === "z" && (event.ctrlKey || event.metaKey) && !event.target.matches("input, textarea")) undo();
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey || event.target.matches("#setup input"))) submit();
   });
   try {
@@ -40,6 +44,7 @@ async function start() {
     state.drives = new Map(drives.drives.map((drive) => [drive.type, drive]));
     state.schemas = openapi.components.schemas;
     state.maps = maps.maps;
+    offerFormats(openapi.paths["/v1/plans"].post.responses[200].content);
     state.request = request && state.drives.has(request.robot.drive.type) ? request : structuredClone(EXAMPLE);
   } catch (error) {
     complain(error.problem ?? { title: "The page could not start", detail: String(error) });
@@ -96,6 +101,7 @@ function progress(answer, final, elapsed) {
   const spent = elapsed === null ? "" : `after ${fixed(elapsed, 1)} s`;
   if (!final) byId("plan").replaceChildren("Improving", element("small", {}, `${fixed(answer.duration, 2)} s ${spent}`));
   byId("stop").textContent = "Stop, keep this one";
+  byId("stop").hidden = final;
   tell("announce", `${final ? "Planned" : "A plan so far"}: ${fixed(answer.duration, 2)} seconds, ${fixed(answer.length, 2)} metres.`);
 }
 
@@ -103,7 +109,9 @@ function busy(on, effort) {
   byId("plan").replaceChildren(on ? (effort === "best" ? "Looking for the best" : "Planning") : "Plan");
   byId("plan").classList.toggle("busy", on);
   byId("stop").textContent = "Stop";
-  byId("stop").hidden = !on;
+  clearTimeout(patience);
+  byId("stop").hidden = true;
+  if (on) patience = setTimeout(() => (byId("stop").hidden = false), PATIENCE);
 }
 
 start();

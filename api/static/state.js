@@ -20,6 +20,10 @@ export const state = {
 };
 
 const listeners = new Map();
+/** Earlier requests as JSON; changes without a PAUSE (ms) between them are one. */
+const past = [];
+const PAUSE = 400;
+let touched = -Infinity;
 
 /** Calls listener(detail) whenever somebody tells the topic: request, motion, problem, view, time. */
 export function on(topic, listener) {
@@ -35,7 +39,27 @@ export function tell(topic, detail) {
  * name, "all", or nothing.
  */
 export function edit(change, rebuild = "") {
+  remember();
   change(state.request);
+  changed(rebuild);
+}
+
+/** Takes back the last change, or a drag as a whole. */
+export function undo() {
+  if (!past.length) return;
+  state.request = JSON.parse(past.pop());
+  state.selected = null;
+  changed("all");
+}
+
+function remember() {
+  const now = performance.now();
+  if (now - touched > PAUSE) past.push(JSON.stringify(state.request));
+  if (past.length > 50) past.shift();
+  touched = now;
+}
+
+function changed(rebuild) {
   state.stale = state.motion !== null;
   state.problem = null;
   tell("problem");

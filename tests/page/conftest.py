@@ -121,7 +121,9 @@ class View:
 
     def edit(self, change: str) -> None:
         """Changes the request, named r, as the page's own parts do."""
-        self.page.evaluate(f"import('/static/state.js').then(({{ edit }}) => edit((r) => {{ {change} }}, 'all'))")
+        self.page.evaluate(
+            f"import('/static/state.js').then(({{ edit }}) => edit((r) => {{ {change} }}, 'all'))"
+        )
 
     def field(self, pointer: str) -> Any:
         """The input of the field at a JSON pointer."""

@@ -12,7 +12,8 @@ window.fetch = async (path, init) => {
   const headers = { ...init.headers, Accept: "application/json" };
   const body = JSON.stringify({ ...JSON.parse(init.body), options: { effort: "first" } });
   const plan = await (await real(path, { ...init, headers, body, signal: undefined })).json();
-  const text = (name, data) => new TextEncoder().encode(`event: ${name}\\ndata: ${JSON.stringify(data)}\\n\\n`);
+  const block = (name, data) => `event: ${name}\\ndata: ${JSON.stringify(data)}\\n\\n`;
+  const text = (name, data) => new TextEncoder().encode(block(name, data));
   const stream = new ReadableStream({
     start(controller) {
       window.send = (name, data) => controller.enqueue(text(name, data));

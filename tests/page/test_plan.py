@@ -1,5 +1,6 @@
 """Setting up, planning, watching: what a person does on the page at /."""
 
+import json
 import math
 from pathlib import Path
 
@@ -8,8 +9,10 @@ import pytest
 
 WAREHOUSE = Path(__file__).parents[2] / "examples" / "warehouse"
 
-DRIVES = ("differential", "tracked", "skid_steer", "omni", "mecanum", "swedish", "tricycle", "ackermann", "synchro",
-          "swerve", "powered_caster")  # fmt: skip
+DRIVES = (
+    "differential", "tracked", "skid_steer", "omni", "mecanum", "swedish", "tricycle", "ackermann", "synchro",
+    "swerve", "powered_caster",
+)  # fmt: skip
 
 
 def scale(view):
@@ -39,7 +42,9 @@ def test_the_example_plans_at_once_and_plays(open_page):
         "Wheel rate", "Wheel acceleration", "Steering angle",
     ]  # fmt: skip
     before = view.page.inner_text("#clock")
-    view.page.wait_for_function("(before) => document.getElementById('clock').textContent !== before", arg=before)
+    view.page.wait_for_function(
+        "(before) => document.getElementById('clock').textContent !== before", arg=before
+    )
     assert view.page.get_attribute("#play", "aria-label") == "Pause"
     view.page.click("#play")
     view.picture("planned")
@@ -76,7 +81,9 @@ def test_the_scrubber_the_charts_and_the_robot_tell_one_time(open_page):
     now = view.page.evaluate("import('/static/player.js').then(({ player }) => player.time)")
     assert now == pytest.approx(0.25 * duration, abs=0.02 * duration)
     shown = view.page.locator(".legend").first.locator("li").first.locator("b").inner_text()
-    time, rate = view.state("[state.motion.answer.schedule.time, state.motion.answer.schedule.wheels.front_left.velocity]")
+    time, rate = view.state(
+        "[state.motion.answer.schedule.time, state.motion.answer.schedule.wheels.front_left.velocity]"
+    )
     i = min(range(len(time)), key=lambda k: abs(time[k] - now))
     steps = [abs(rate[k + 1] - rate[k]) for k in (i - 1, i)]
     assert float(shown.replace("−", "-")) == pytest.approx(rate[i], abs=0.006 + max(steps))
@@ -103,12 +110,40 @@ def test_every_drive_is_offered_and_what_the_page_makes_of_its_example_can_be_pl
         view.picture(f"drive-{kind}")
 
 
+def test_the_wheels_are_drawn_where_they_roll_as_the_service_says(open_page, service):
+    view = open_page()
+    for kind in DRIVES:
+        example = view.state(f"state.drives.get('{kind}').example")
+        layout = f"() => import('/static/wheels.js').then((m) => m.wheelsOf({json.dumps(example)}))"
+        wheels = view.page.evaluate(layout)
+        steering = {wheel["name"]: 0.4 for wheel in wheels} if kind == "powered_caster" else {}
+        for vx, vy, omega in [(0.5, 0.2, 0.3), (-0.1, 0.4, -0.6)]:
+            if kind not in ("omni", "mecanum", "swedish", "swerve", "powered_caster"):
+                vy = 0.0
+            if kind == "synchro":  # whose body does not turn
+                omega = 0.0
+            asked = {"drive": example, "twist": {"vx": vx, "vy": vy, "omega": omega}}
+            if steering:
+                asked["steering"] = steering
+            answer = view.page.request.post(f"{service}/v1/kinematics/inverse", data=asked).json()
+            for wheel in wheels:
+                angle = wheel["heading"] + (steering or answer["steering"]).get(wheel["name"], 0.0)
+                # A roller passes on what goes along its axis: at the floor the mirror image of the drawn.
+                roller = -wheel.get("roller", 0.0)
+                at_wheel = vx - omega * wheel["y"], vy + omega * wheel["x"]
+                along = at_wheel[0] * math.cos(angle + roller) + at_wheel[1] * math.sin(angle + roller)
+                rolled = answer["wheels"][wheel["name"]] * wheel["radius"] * math.cos(roller)
+                assert along == pytest.approx(rolled, abs=1e-9), (kind, wheel["name"])
+
+
 def test_a_map_is_uploaded_and_planned_on(open_page):
     view = open_page()
     view.reveal("space")
     files = [WAREHOUSE / "warehouse.yaml", WAREHOUSE / "warehouse.pgm"]
     view.page.set_input_files("details[data-section=space] input[type=file]", files)
-    view.page.wait_for_function("() => document.querySelector('[data-pointer=\"/environment/map\"] select')?.value.length === 64")
+    view.page.wait_for_function(
+        "() => document.querySelector('[data-pointer=\"/environment/map\"] select')?.value.length === 64"
+    )
     assert view.state("state.request.environment.bounds ?? null") is None
     view.edit("r.start = { x: 3.4, y: 7.1, theta: 0 }; r.goal = { x: 20.4, y: 4.9, theta: 3.1416 }")
     view.plan()
@@ -117,7 +152,9 @@ def test_a_map_is_uploaded_and_planned_on(open_page):
     view.edit("r.start = { x: 4.9, y: 11.3, theta: 0 }")
     view.plan()
     assert view.page.is_hidden("#notice"), view.page.inner_text("#notice")
-    assert view.state("state.motion.request.environment.map.id") == view.field("/environment/map").input_value()
+    assert (
+        view.state("state.motion.request.environment.map.id") == view.field("/environment/map").input_value()
+    )
     view.picture("map")
     view.field("/environment/map").select_option("")
     assert len(view.state("state.request.environment.obstacles")) == 11
@@ -148,9 +185,12 @@ def test_obstacles_are_drawn_moved_and_deleted(open_page):
     assert view.state(f"{obstacles}.at(-1).vertices[0]") == pytest.approx([0.9, 4.6], abs=0.03)
     view.drag(view.grip("corner 2"), pixel(view, 1.6, 5.6))
     assert view.state(f"{obstacles}.at(-1).vertices[2]") == pytest.approx([1.6, 5.6], abs=0.03)
+    view.page.wait_for_timeout(450)
     view.page.keyboard.press("Delete")
     assert len(view.state(obstacles)) == before + 2
     assert view.state("state.selected") is None
+    view.page.keyboard.press("Control+z")
+    assert len(view.state(obstacles)) == before + 3
     view.drag(pixel(view, 3, 2), pixel(view, 3.1, 1.9))
     assert view.state(f"{obstacles}[0].vertices[0]") == pytest.approx([2.3, 1.6], abs=0.03)
 
@@ -175,7 +215,8 @@ def test_it_plans_by_itself_where_that_is_asked_for(open_page):
     x, y = view.grip("start")
     view.drag((x, y), (x + 10, y - 12))
     view.page.wait_for_function(
-        "() => import('/static/state.js').then(({ state }) => !state.stale && state.motion?.request.start.x > 1.05)"
+        "() => import('/static/state.js')"
+        ".then(({ state }) => !state.stale && state.motion?.request.start.x > 1.05)"
     )
 
 
@@ -188,14 +229,22 @@ def test_export_gives_the_command_the_files_and_a_link_that_brings_the_setup_bac
     assert command.startswith(f"curl -s {view.page.url.rstrip('/')}/v1/plans")
     assert '"y":0.9' in command
     view.picture("export")
+    view.page.select_option("#format", "text/csv")
     with view.page.expect_download() as csv:
-        view.page.click("#downloads >> text=CSV")
-    head, first = Path(csv.value.path()).read_text().splitlines()[:2]
-    assert head.startswith("time,x,y,theta,front_left.velocity")
-    assert [float(value) for value in first.split(",")[:3]] == pytest.approx([0, 1, 0.9])
-    with view.page.expect_download() as json:
-        view.page.click("#downloads >> text=JSON")
-    assert json.value.suggested_filename.endswith(".json")
+        view.page.click("#download")
+    table = Path(csv.value.path()).read_text()
+    theirs = view.page.evaluate(
+        "() => import('/static/state.js').then(({ state }) => fetch('/v1/plans?format=csv', { method: 'POST',"
+        "headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(state.motion.request) }))"
+        ".then((answer) => answer.text())"
+    )
+    assert table.splitlines()[0] == theirs.splitlines()[0]
+    ours, own = (np.genfromtxt(text.splitlines()[1:], delimiter=",") for text in (table, theirs))
+    assert ours == pytest.approx(own)
+    view.page.select_option("#format", "application/json")
+    with view.page.expect_download() as file:
+        view.page.click("#download")
+    assert file.value.suggested_filename.endswith(".json")
     view.page.click("#copy-link")
     view.page.wait_for_selector("#copy-link >> text=Copied")
     link = view.page.evaluate("navigator.clipboard.readText()")

@@ -17,7 +17,10 @@ def test_a_field_error_stands_next_to_its_field_in_the_services_words(open_page)
     said = view.page.locator("[data-pointer='/robot/drive/track_width'] .error").inner_text()
     assert said == "track_width is 0; it must be > 0."
     assert view.field("/robot/drive/track_width").get_attribute("aria-invalid") == "true"
-    assert "vertices has 2 items" in view.page.locator("[data-pointer='/environment/obstacles/4/vertices'] .error").inner_text()
+    assert (
+        "vertices has 2 items"
+        in view.page.locator("[data-pointer='/environment/obstacles/4/vertices'] .error").inner_text()
+    )
     assert view.page.is_visible("[data-pointer='/environment/obstacles/4/vertices']")
     view.picture("fields")
     view.field("/robot/drive/track_width").fill("0.5")
@@ -65,10 +68,18 @@ def test_a_way_that_is_proven_too_narrow_is_marked(open_page):
 
 def test_a_full_queue_says_when_to_try_again(open_page):
     view = open_page()
-    problem = {"code": "overloaded", "title": "The queue is full", "status": 429, "detail": "Busy.", "retry_after": 1}
+    problem = {
+        "code": "overloaded",
+        "title": "The queue is full",
+        "status": 429,
+        "detail": "Busy.",
+        "retry_after": 1,
+    }
     view.page.route(
         "**/v1/plans",
-        lambda route: route.fulfill(status=429, content_type="application/problem+json", body=json.dumps(problem)),
+        lambda route: route.fulfill(
+            status=429, content_type="application/problem+json", body=json.dumps(problem)
+        ),
     )
     view.plan()
     assert "Try again in 1 s" in notice(view)
