@@ -30,7 +30,8 @@ export function startFloor() {
     baseDue = true;
     frame(); // at once: a canvas that has been sized is empty
   }).observe(byId("floor"));
-  for (const topic of ["request", "motion", "problem", "theme", "view"]) on(topic, () => draw(true));
+  for (const topic of ["motion", "problem", "theme", "view"]) on(topic, () => draw(true));
+  on("request", (rebuild) => draw(rebuild !== "pose"));
   on("time", () => draw(false));
   on("fit", fit);
 }

@@ -65,7 +65,8 @@ function entry(shape, context) {
   const input = element("input", number ? { type: "number", step: "any", inputMode: "decimal" } : { type: "text" });
   if (optional) input.placeholder = about.default ?? "none";
   bind(input, pointer, (value) => {
-    input.value = number && Number.isFinite(value) ? String(Number(value.toPrecision(5))) : (value ?? "");
+    if (number) input.value = Number.isFinite(value) ? String(Number(value.toPrecision(5))) : "";
+    else input.value = value ?? "";
   });
   input.addEventListener("input", () => {
     const value = input.value === "" ? undefined : number ? input.valueAsNumber : input.value;

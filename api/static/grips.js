@@ -54,7 +54,7 @@ function grips() {
       at: [pose.x, pose.y],
       says: `${name} at ${short(pose.x)}, ${short(pose.y)} m`,
       wrong: state.problem?.code?.startsWith(`${which}-`),
-      move: ([x, y]) => edit((r) => Object.assign(r[which], { x: tidy(x), y: tidy(y) })),
+      move: ([x, y]) => edit((r) => Object.assign(r[which], { x: tidy(x), y: tidy(y) }), "pose"),
       turn: (by) => turn(which, by),
     });
     if (pose.theta === null) continue;
@@ -111,7 +111,7 @@ function turn(which, by) {
 
 function head(which, angle) {
   const radians = (((((angle + 180) % 360) + 360) % 360) - 180) * (Math.PI / 180);
-  edit((r) => (r[which].theta = Number(radians.toFixed(4)) + 0));
+  edit((r) => (r[which].theta = Number(radians.toFixed(4)) + 0), "pose");
 }
 
 function make(key) {

@@ -36,7 +36,7 @@ export function tell(topic, detail) {
 
 /**
  * Changes the request. `rebuild` names what the change makes new in the form, beyond values: a section's
- * name, "all", or nothing.
+ * name, "all", or nothing; "pose" where only start or goal has moved.
  */
 export function edit(change, rebuild = "") {
   remember();
@@ -60,9 +60,10 @@ function remember() {
 }
 
 function changed(rebuild) {
+  const shown = state.problem !== null || state.stale !== (state.motion !== null);
   state.stale = state.motion !== null;
   state.problem = null;
-  tell("problem");
+  if (shown) tell("problem");
   tell("request", rebuild);
 }
 
