@@ -14,6 +14,9 @@ router = APIRouter(include_in_schema=False)
 # Looked up when somebody asks, with the file's type, its ETag, and 304 where the client has it already.
 _FILES = StaticFiles(directory=Path(__file__).with_name("static"), check_dir=False)
 
+_TYPES = {".js": "text/javascript; charset=utf-8", ".woff2": "font/woff2"}
+"""What the tables of some machines say otherwise, or do not know."""
+
 _HEADERS = {
     # Kept, but asked about each time: the page and its modules are always of one version.
     "Cache-Control": "no-cache",
@@ -39,7 +42,7 @@ async def asset(request: Request, name: str) -> Response:
 
 async def _file(request: Request, name: str) -> Response:
     response = await _FILES.get_response(name, request.scope)
-    if name.endswith(".js"):  # the machine's own table of types may say otherwise
-        response.headers["Content-Type"] = "text/javascript; charset=utf-8"
     response.headers.update(_HEADERS)
+    if kind := _TYPES.get(Path(name).suffix):
+        response.headers["Content-Type"] = kind
     return response

@@ -127,8 +127,10 @@ function drawMoving(context, motion) {
 /** The robot as it is set up, at the start. */
 function drawStanding(context, shape) {
   const { robot, start } = state.request;
-  const wheelAt = (name) => ({ turned: 0, steered: start.steering?.[name] ?? 0 });
-  drawRobot(context, pixel(), shape, standing(start), wheelsOf(robot.drive), wheelAt);
+  const pose = standing(start);
+  const steered = start.theta - pose.theta; // other than 0 where the body keeps a heading of its own
+  const wheelAt = (name) => ({ turned: 0, steered: start.steering?.[name] ?? steered });
+  drawRobot(context, pixel(), shape, pose, wheelsOf(robot.drive), wheelAt);
   drawPose(context, "start", start, shape, true);
 }
 

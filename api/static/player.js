@@ -6,6 +6,9 @@ export const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
 
 export const player = { time: 0, playing: false, speed: 1 };
 
+/** A frame that comes later, because the page was out of sight, counts as this many seconds. */
+const LONGEST = 0.1;
+
 let last = 0;
 
 on("motion", () => {
@@ -39,7 +42,7 @@ export function seek(time) {
 
 function tick(now) {
   if (!player.playing) return;
-  const step = Math.max(0, now - last) / 1e3;
+  const step = Math.min(LONGEST, Math.max(0, now - last) / 1e3);
   last = now;
   seek(player.time + player.speed * step);
   if (player.time >= state.motion.duration) pause();

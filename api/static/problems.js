@@ -29,7 +29,9 @@ export function complain(problem, retry = null) {
     const { errors } = problem;
     if (errors.length > 1) notice(`${errors.length} fields need another value`, "They are marked in the setup.");
     else notice("A field needs another value", errors[0].detail);
-    (fields[0].querySelector("input, select, textarea") ?? fields[0]).focus({ preventScroll: true });
+    // Nobody is sent back who already types elsewhere.
+    const first = fields[0].querySelector("input, select, textarea");
+    if (!byId("setup").contains(document.activeElement)) first?.focus({ preventScroll: true });
   } else {
     notice(problem.title, [detail(problem, which), ...unplaced.map((error) => error.detail)].filter(Boolean).join(" "));
   }

@@ -18,13 +18,12 @@ function show() {
   if (!motion) return;
   byId("dock").classList.toggle("stale", state.stale);
   const { answer, request } = motion;
-  const [long, unit] = length(answer.length);
   byId("result").replaceChildren(
     element(
       "dl",
       { className: "figures" },
       ...figure("Duration", fixed(answer.duration, 2), "s"),
-      ...figure("Length", long, unit),
+      ...figure("Length", fixed(answer.length, 2), "m"),
       ...figure("Planner", answer.planning.planner, "", `${fixed(1e3 * (answer.planning.timings?.total ?? 0), 0)} ms`),
     ),
     element("ul", { className: "lamps" }, ...lamps(answer.certificate, request)),

@@ -250,3 +250,13 @@ def test_export_gives_the_command_the_files_and_a_link_that_brings_the_setup_bac
     link = view.page.evaluate("navigator.clipboard.readText()")
     again = open_page(at="/#" + link.partition("#")[2])
     assert again.state("state.request.start.y") == 0.9
+
+
+def test_a_goal_that_is_the_start_gives_a_plan_of_no_duration(open_page):
+    view = open_page()
+    view.edit("r.goal = { ...r.start }")
+    view.plan()
+    assert view.page.inner_text("#clock") == "0.00 / 0.00 s"
+    view.page.click("#play")
+    assert view.page.get_attribute("#play", "aria-label") == "Play"
+    view.picture("standing")
