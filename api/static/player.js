@@ -16,7 +16,7 @@ on("motion", () => {
 });
 
 export function play() {
-  if (!state.motion) return;
+  if (!state.motion?.duration) return;
   if (player.time >= state.motion.duration) player.time = 0;
   player.playing = true;
   last = performance.now();

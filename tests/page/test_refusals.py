@@ -15,7 +15,7 @@ def test_a_field_error_stands_next_to_its_field_in_the_services_words(open_page)
     view.edit("r.options.time_budget = 1e9; r.environment.obstacles[4].vertices = [[0, 0], [1, 1]]")
     view.plan()
     said = view.page.locator("[data-pointer='/robot/drive/track_width'] .error").inner_text()
-    assert said == "track_width is 0; it must be > 0."
+    assert said.startswith("track_width is 0; it must be >")
     assert view.field("/robot/drive/track_width").get_attribute("aria-invalid") == "true"
     assert (
         "vertices has 2 items"
@@ -35,7 +35,7 @@ def test_an_error_of_one_wheels_limit_stands_at_that_wheel(open_page):
     view.field("/robot/limits/wheel_speed/rear_left").fill("-1")
     view.plan()
     said = view.page.locator("[data-pointer='/robot/limits/wheel_speed/rear_left'] .error").inner_text()
-    assert said.endswith("it must be > 0.")
+    assert said.startswith("rear_left is -1; it must be >")
 
 
 @pytest.mark.parametrize(("which", "x", "y", "hit"), [("start", 2.2, 1.5, 0), ("goal", 8, 4.3, 3)])
