@@ -41,6 +41,13 @@ export class Camera {
   /** Lets a context draw in metres. `ratio` is the canvas's pixels per CSS pixel. */
   apply(context, ratio) {
     const k = this.scale * ratio;
-    context.setTransform(k, 0, 0, -k, ratio * (this.width / 2) - k * this.x, ratio * (this.height / 2) + k * this.y);
+    context.setTransform(
+      k,
+      0,
+      0,
+      -k,
+      ratio * (this.width / 2) - k * this.x,
+      ratio * (this.height / 2) + k * this.y,
+    );
   }
 }

@@ -12,7 +12,12 @@ import { on, state } from "./state.js";
 
 const KINDS = [
   { title: "Wheel rate", unit: "rad/s", limit: "wheel_speed", of: (wheel) => wheel.velocity },
-  { title: "Wheel acceleration", unit: "rad/s²", limit: "wheel_acceleration", of: (wheel) => wheel.acceleration },
+  {
+    title: "Wheel acceleration",
+    unit: "rad/s²",
+    limit: "wheel_acceleration",
+    of: (wheel) => wheel.acceleration,
+  },
   { title: "Steering angle", unit: "rad", limit: "steering_angle", of: (wheel) => wheel.steering?.angle },
 ];
 const PAD = { left: 40, right: 10, top: 8, bottom: 20 };
@@ -40,12 +45,22 @@ function make() {
 
 function chart(kind, motion) {
   const series = motion.wheels
-    .map((wheel, i) => ({ name: wheel.name, values: kind.of(wheel), colour: i, limit: limitOf(kind, wheel.name) }))
+    .map((wheel, i) => ({
+      name: wheel.name,
+      values: kind.of(wheel),
+      colour: i,
+      limit: limitOf(kind, wheel.name),
+    }))
     .filter((one) => one.values);
   if (!series.length) return null;
   const figures = series.map((one) => {
     const value = element("b", {});
-    const item = element("li", { dataset: { colour: one.colour % 8 } }, element("span", {}, words(one.name)), value);
+    const item = element(
+      "li",
+      { dataset: { colour: one.colour % 8 } },
+      element("span", {}, words(one.name)),
+      value,
+    );
     one.show = value;
     return item;
   });
@@ -59,7 +74,13 @@ function chart(kind, motion) {
   canvas.setAttribute("role", "img");
   canvas.setAttribute("aria-label", `${kind.title}: largest ${short(top)} ${kind.unit}${said}`);
   const head = element("figcaption", {}, element("h3", {}, kind.title, element("small", {}, kind.unit)));
-  const figure = element("figure", { className: "chart" }, head, plot, element("ul", { className: "legend" }, ...figures));
+  const figure = element(
+    "figure",
+    { className: "chart" },
+    head,
+    plot,
+    element("ul", { className: "legend" }, ...figures),
+  );
   return { figure, plot, canvas, cursor, series, span: reach(series, limits, top), limits, motion };
 }
 
@@ -76,7 +97,8 @@ function peak(values) {
 
 /** [low, high] of the vertical axis: the data, and the limits unless they are far off. */
 function reach(series, limits, top) {
-  let low = 0, high = 0;
+  let low = 0,
+    high = 0;
   for (const { values } of series) {
     for (const value of values) {
       if (value < low) low = value;
@@ -167,7 +189,8 @@ function line(context, { values, colour }, time, x, y, box) {
   const n = values.length;
   const perColumn = Math.max(1, Math.floor(n / (box.right - box.left)));
   for (let i = 0; i < n; i += perColumn) {
-    let least = values[i], most = values[i];
+    let least = values[i],
+      most = values[i];
     const end = Math.min(n, i + perColumn);
     for (let k = i + 1; k < end; k++) {
       if (values[k] < least) least = values[k];
@@ -211,5 +234,7 @@ function scrub(event) {
   go(event);
   plot.setPointerCapture(event.pointerId);
   plot.addEventListener("pointermove", go);
-  plot.addEventListener("lostpointercapture", () => plot.removeEventListener("pointermove", go), { once: true });
+  plot.addEventListener("lostpointercapture", () => plot.removeEventListener("pointermove", go), {
+    once: true,
+  });
 }

@@ -46,7 +46,11 @@ export async function plan(request, signal, heard) {
     heard(said.plan, said.final, said.elapsed);
     if (said.final) return;
   }
-  throw new Refused({ code: "", title: "The stream ended early", detail: "The last plan it brought is kept." });
+  throw new Refused({
+    code: "",
+    title: "The stream ended early",
+    detail: "The last plan it brought is kept.",
+  });
 }
 
 function post(request, accept, signal = undefined) {
@@ -60,7 +64,11 @@ async function answered(path, init) {
     response = await fetch(path, init);
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refused({ code: "unreachable", title: "The service does not answer", detail: "Is it still running?" });
+    throw new Refused({
+      code: "unreachable",
+      title: "The service does not answer",
+      detail: "Is it still running?",
+    });
   }
   if (response.ok) return response;
   const problem = await response.json().catch(() => ({}));
@@ -75,7 +83,10 @@ async function* events(body) {
     const blocks = (rest + text).replaceAll("\r\n", "\n").split("\n\n");
     rest = blocks.pop();
     for (const block of blocks) {
-      const lines = block.split("\n").map((line) => /^(\w+): ?(.*)$/.exec(line)).filter(Boolean);
+      const lines = block
+        .split("\n")
+        .map((line) => /^(\w+): ?(.*)$/.exec(line))
+        .filter(Boolean);
       const of = (field) => lines.filter((line) => line[1] === field).map((line) => line[2]);
       yield { name: of("event").at(-1) ?? "message", data: of("data").join("\n") };
     }

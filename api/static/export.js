@@ -2,6 +2,7 @@
 
 import { planAs } from "./client.js";
 import { byId, element } from "./dom.js";
+import { words } from "./format.js";
 import { link } from "./link.js";
 import { complain } from "./problems.js";
 import { on, state, tell } from "./state.js";
@@ -14,7 +15,9 @@ const OWN = [
 
 export function startExport() {
   byId("copy-curl").addEventListener("click", (event) => copy(byId("curl").textContent, event.target));
-  byId("copy-link").addEventListener("click", async (event) => copy(await link(state.motion.request), event.target));
+  byId("copy-link").addEventListener("click", async (event) =>
+    copy(await link(state.motion.request), event.target),
+  );
   byId("download").addEventListener("click", download);
   byId("format").addEventListener("change", note);
   on("motion", () => {
@@ -46,7 +49,7 @@ function curl(request) {
 }
 
 async function download() {
-  const type = byId("format").value;
+  const [{ value: type, text: title }] = byId("format").selectedOptions;
   const { motion } = state;
   try {
     const make = OWN.find((own) => own.type === type)?.make;
@@ -56,7 +59,8 @@ async function download() {
     setTimeout(() => URL.revokeObjectURL(url), 1e3);
   } catch (error) {
     byId("export").hidePopover();
-    complain(error.problem);
+    const detail = `The service does not make this for ${words(motion.request.robot.drive.type)}.`;
+    complain(error.problem.code === "not-acceptable" ? { ...error.problem, title, detail } : error.problem);
   }
 }
 

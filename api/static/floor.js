@@ -22,7 +22,9 @@ export const inHand = { draw: () => {} };
 const base = byId("base").getContext("2d", { alpha: false });
 const top = byId("top").getContext("2d");
 const scratch = new OffscreenCanvas(1, 1);
-let ratio = 1, baseDue = true, due = false;
+let ratio = 1,
+  baseDue = true,
+  due = false;
 
 export function startFloor() {
   new ResizeObserver(() => {
@@ -65,7 +67,8 @@ export const pixel = () => 1 / camera.scale;
 function resize() {
   const { clientWidth: width, clientHeight: height } = byId("floor");
   const now = Math.min(2, devicePixelRatio || 1);
-  if (!width || !height || (width === camera.width && height === camera.height && now === ratio)) return false;
+  if (!width || !height || (width === camera.width && height === camera.height && now === ratio))
+    return false;
   ratio = now;
   for (const { canvas } of [base, top]) {
     canvas.width = Math.round(width * ratio);
@@ -205,7 +208,12 @@ function drawProof(context, { x, y, radius, width }) {
   }
   const arm = radius + 7 * pixel();
   context.beginPath();
-  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+  for (const [dx, dy] of [
+    [1, 0],
+    [-1, 0],
+    [0, 1],
+    [0, -1],
+  ]) {
     context.moveTo(x + dx * radius, y + dy * radius);
     context.lineTo(x + dx * arm, y + dy * arm);
   }
@@ -216,7 +224,8 @@ function scaleBar(context) {
   const step = gridStep(camera);
   const long = step * camera.scale;
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const x = camera.width - 22, y = camera.height - 14;
+  const x = camera.width - 22,
+    y = camera.height - 14;
   context.strokeStyle = context.fillStyle = palette.css.soft;
   context.lineWidth = 1.2;
   context.beginPath();
@@ -231,5 +240,7 @@ function scaleBar(context) {
 }
 
 export function isPlace(pose) {
-  return Number.isFinite(pose.x) && Number.isFinite(pose.y) && (pose.theta === null || Number.isFinite(pose.theta));
+  return (
+    Number.isFinite(pose.x) && Number.isFinite(pose.y) && (pose.theta === null || Number.isFinite(pose.theta))
+  );
 }

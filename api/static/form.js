@@ -62,7 +62,10 @@ export function line(context, input, help, ...more) {
 function entry(shape, context) {
   const { pointer, about, optional } = context;
   const number = shape.type !== "string";
-  const input = element("input", number ? { type: "number", step: "any", inputMode: "decimal" } : { type: "text" });
+  const input = element(
+    "input",
+    number ? { type: "number", step: "any", inputMode: "decimal" } : { type: "text" },
+  );
   if (optional) input.placeholder = about.default ?? "none";
   bind(input, pointer, (value) => {
     if (number) input.value = Number.isFinite(value) ? String(Number(value.toPrecision(5))) : "";
@@ -73,11 +76,20 @@ function entry(shape, context) {
     edit((request) => setAt(request, pointer, value), /\/name$/.test(pointer) ? "names" : "");
   });
   const suffix = about["x-unit"] ?? shape["x-unit"];
-  return line(context, input, help(about, shape), element("span", { className: "unit" }, suffix ? unit(suffix) : ""));
+  return line(
+    context,
+    input,
+    help(about, shape),
+    element("span", { className: "unit" }, suffix ? unit(suffix) : ""),
+  );
 }
 
 function choice(shape, context) {
-  const input = element("select", {}, ...shape.enum.map((value) => element("option", { value }, label(value))));
+  const input = element(
+    "select",
+    {},
+    ...shape.enum.map((value) => element("option", { value }, label(value))),
+  );
   bind(input, context.pointer, (value) => (input.value = value ?? context.about.default));
   input.addEventListener("change", () => edit((request) => setAt(request, context.pointer, input.value)));
   return line(context, input, help(context.about, shape));
@@ -96,7 +108,11 @@ function perWheel(number, context, wheels) {
   const holder = element("div", { className: "per-wheel" });
   const show = () => {
     const each = typeof getAt(state.request, pointer) === "object";
-    const button = element("button", { type: "button", className: "quiet each" }, each ? "one for all" : "by wheel");
+    const button = element(
+      "button",
+      { type: "button", className: "quiet each" },
+      each ? "one for all" : "by wheel",
+    );
     button.setAttribute("aria-label", `${label(context.name)}: ${button.textContent}`);
     button.addEventListener("click", () => {
       const value = getAt(state.request, pointer);
@@ -142,7 +158,15 @@ export function points(context) {
 /** Text as points. What is no number becomes null, so that the service names it. */
 function parsePoints(text) {
   const number = (word) => (word !== "" && Number.isFinite(Number(word)) ? Number(word) : null);
-  return text.split("\n").filter((row) => row.trim()).map((row) => row.trim().split(/[,;\s]+/).map(number));
+  return text
+    .split("\n")
+    .filter((row) => row.trim())
+    .map((row) =>
+      row
+        .trim()
+        .split(/[,;\s]+/)
+        .map(number),
+    );
 }
 
 /** A list of objects: modules, or wheels. */
@@ -157,7 +181,12 @@ function items(shape, context, definitions) {
     remove.addEventListener("click", () => edit((request) => getAt(request, pointer).splice(i, 1), "drive"));
     const legend = element("legend", {}, `${singular} ${i + 1}`, remove);
     const inner = fields(schema, definitions, join(pointer, i));
-    return element("fieldset", { className: "item", dataset: { pointer: join(pointer, i) } }, legend, ...inner);
+    return element(
+      "fieldset",
+      { className: "item", dataset: { pointer: join(pointer, i) } },
+      legend,
+      ...inner,
+    );
   });
   const add = element("button", { type: "button", className: "quiet" }, `Add a ${singular.toLowerCase()}`);
   add.addEventListener("click", () => {
@@ -184,7 +213,9 @@ function help(about, shape) {
     shape.maximum !== undefined && `at most ${plain(shape.maximum)}`,
   ].filter(Boolean);
   const text = bounds.join(", ");
-  return [about.description, text && `${text.charAt(0).toUpperCase()}${text.slice(1)}.`].filter(Boolean).join(" ");
+  return [about.description, text && `${text.charAt(0).toUpperCase()}${text.slice(1)}.`]
+    .filter(Boolean)
+    .join(" ");
 }
 
 function plain(number) {

@@ -7,7 +7,8 @@ export function wrap(angle) {
 
 /** Body-frame points at a pose, in the world frame. */
 export function placed(points, { x, y, theta }) {
-  const c = Math.cos(theta), s = Math.sin(theta);
+  const c = Math.cos(theta),
+    s = Math.sin(theta);
   return points.map(([px, py]) => [x + c * px - s * py, y + s * px + c * py]);
 }
 
@@ -16,7 +17,12 @@ export function outline(footprint) {
   if (footprint.type === "circle") return disc([0, 0], footprint.radius);
   if (footprint.type === "polygon") return footprint.vertices.filter(isPoint);
   const { length, width, offset = 0 } = footprint;
-  return [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [offset + (i * length) / 2, (j * width) / 2]);
+  return [
+    [-1, -1],
+    [1, -1],
+    [1, 1],
+    [-1, 1],
+  ].map(([i, j]) => [offset + (i * length) / 2, (j * width) / 2]);
 }
 
 /** A disc as a polygon. */
@@ -29,7 +35,9 @@ export function disc([x, y], radius, corners = 48) {
 
 /** An obstacle as a polygon. */
 export function corners(obstacle) {
-  return obstacle.type === "circle" ? disc(obstacle.center, obstacle.radius) : obstacle.vertices.filter(isPoint);
+  return obstacle.type === "circle"
+    ? disc(obstacle.center, obstacle.radius)
+    : obstacle.vertices.filter(isPoint);
 }
 
 export function isPoint(point) {
@@ -45,7 +53,8 @@ export function middle(obstacle) {
 
 /** [x_min, y_min, x_max, y_max] of points. */
 export function extent(points) {
-  const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
+  const xs = points.map((p) => p[0]),
+    ys = points.map((p) => p[1]);
   return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
 }
 
@@ -58,7 +67,8 @@ export function reach(points) {
 export function inside([x, y], polygon) {
   let odd = false;
   for (let i = 0, j = polygon.length - 1; i < polygon.length; j = i++) {
-    const [xi, yi] = polygon[i], [xj, yj] = polygon[j];
+    const [xi, yi] = polygon[i],
+      [xj, yj] = polygon[j];
     if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) odd = !odd;
   }
   return odd;
@@ -66,8 +76,12 @@ export function inside([x, y], polygon) {
 
 /** How far apart two polygons are; minus the deepest that a corner of one lies in the other, where they overlap. */
 export function separation(a, b) {
-  let apart = Infinity, deep = 0;
-  for (const [from, to] of [[a, b], [b, a]]) {
+  let apart = Infinity,
+    deep = 0;
+  for (const [from, to] of [
+    [a, b],
+    [b, a],
+  ]) {
     for (const corner of from) {
       const distance = edgeDistance(corner, to);
       apart = Math.min(apart, distance);
@@ -80,7 +94,8 @@ export function separation(a, b) {
 function edgeDistance([x, y], polygon) {
   return polygon.reduce((least, [ax, ay], i) => {
     const [bx, by] = polygon[(i + 1) % polygon.length];
-    const dx = bx - ax, dy = by - ay;
+    const dx = bx - ax,
+      dy = by - ay;
     const along = Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1)));
     return Math.min(least, Math.hypot(x - ax - along * dx, y - ay - along * dy));
   }, Infinity);

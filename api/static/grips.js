@@ -85,7 +85,10 @@ function obstacleGrips(obstacle, index) {
   if (obstacle.type === "circle") {
     const rim = [mx + obstacle.radius, my];
     const size = ([x, y]) => change((o) => (o.radius = Math.max(0.01, tidy(Math.hypot(x - mx, y - my)))));
-    return [["obstacle", whole], ["corner 0", { at: rim, says: `Radius ${short(obstacle.radius)} m`, move: size, remove }]];
+    return [
+      ["obstacle", whole],
+      ["corner 0", { at: rim, says: `Radius ${short(obstacle.radius)} m`, move: size, remove }],
+    ];
   }
   const vertices = obstacle.vertices.map((vertex, i) => [
     `corner ${i}`,
@@ -101,7 +104,8 @@ function obstacleGrips(obstacle, index) {
 
 /** Moves an obstacle. */
 export function shift(obstacle, dx, dy) {
-  if (obstacle.type === "circle") obstacle.center = [tidy(obstacle.center[0] + dx), tidy(obstacle.center[1] + dy)];
+  if (obstacle.type === "circle")
+    obstacle.center = [tidy(obstacle.center[0] + dx), tidy(obstacle.center[1] + dy)];
   else obstacle.vertices = obstacle.vertices.map(([x, y]) => [tidy(x + dx), tidy(y + dy)]);
 }
 
@@ -134,7 +138,8 @@ function hold(event) {
   const off = [event.clientX - bounds.left - from[0], event.clientY - bounds.top - from[1]];
   button.setPointerCapture(event.pointerId);
   button.focus({ preventScroll: true });
-  const move = (e) => button.grip.move(camera.toWorld([e.clientX - bounds.left - off[0], e.clientY - bounds.top - off[1]]));
+  const move = (e) =>
+    button.grip.move(camera.toWorld([e.clientX - bounds.left - off[0], e.clientY - bounds.top - off[1]]));
   const release = () => {
     button.removeEventListener("pointermove", move);
     tell("settled");

@@ -33,7 +33,12 @@ export function drawWorld(context, camera, pixel) {
 }
 
 export function rectangle({ x_min, y_min, x_max, y_max }) {
-  return [[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]];
+  return [
+    [x_min, y_min],
+    [x_max, y_min],
+    [x_max, y_max],
+    [x_min, y_max],
+  ];
 }
 
 /** The grid's step: 1, 2 or 5 times a power of ten, some 50 pixels or more. */
@@ -45,10 +50,13 @@ export function gridStep(camera) {
 
 function drawGrid(context, camera, pixel) {
   const step = gridStep(camera);
-  const [x0, y1] = camera.toWorld([0, 0]), [x1, y0] = camera.toWorld([camera.width, camera.height]);
+  const [x0, y1] = camera.toWorld([0, 0]),
+    [x1, y0] = camera.toWorld([camera.width, camera.height]);
   context.beginPath();
-  for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) context.moveTo(x, y0), context.lineTo(x, y1);
-  for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) context.moveTo(x0, y), context.lineTo(x1, y);
+  for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step)
+    (context.moveTo(x, y0), context.lineTo(x, y1));
+  for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step)
+    (context.moveTo(x0, y), context.lineTo(x1, y));
   context.strokeStyle = palette.css.grid;
   context.lineWidth = pixel;
   context.stroke();
@@ -122,7 +130,9 @@ function drawSwept(context, motion, scratch) {
   over.fillStyle = palette.css.accent;
   over.beginPath();
   for (const i of spread(motion, SWEPT)) {
-    placed(motion.outline, motion.sample(i)).forEach(([x, y], k) => (k ? over.lineTo(x, y) : over.moveTo(x, y)));
+    placed(motion.outline, motion.sample(i)).forEach(([x, y], k) =>
+      k ? over.lineTo(x, y) : over.moveTo(x, y),
+    );
     over.closePath();
   }
   over.fill("nonzero");
@@ -161,13 +171,15 @@ function drawPath(context, motion, pixel) {
   context.lineWidth = 2.6 * pixel;
   context.lineCap = context.lineJoin = "round";
   // Faded, the path is of one tone: the ends of its pieces would show where they overlap.
-  const shade = state.stale ? () => SHADES - 1 : (i) => Math.min(SHADES - 1, Math.floor((SHADES * Math.hypot(vx[i], vy[i])) / top));
-  for (let from = 0; from < n - 1; ) {
+  const shade = state.stale
+    ? () => SHADES - 1
+    : (i) => Math.min(SHADES - 1, Math.floor((SHADES * Math.hypot(vx[i], vy[i])) / top));
+  for (let from = 0; from < n - 1;) {
     const tone = shade(from);
     context.beginPath();
     context.moveTo(x[from], y[from]);
     let i = from + 1;
-    while (i < n - 1 && shade(i) === tone) context.lineTo(x[i], y[i]), i++;
+    while (i < n - 1 && shade(i) === tone) (context.lineTo(x[i], y[i]), i++);
     context.lineTo(x[i], y[i]);
     context.strokeStyle = mixed("slow", "fast", tone / (SHADES - 1));
     context.stroke();

@@ -16,8 +16,15 @@ export async function linked() {
   try {
     const text = atob(location.hash.slice(PREFIX.length).replaceAll("-", "+").replaceAll("_", "/"));
     const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
-    const request = JSON.parse(await new Response(await through(new Blob([bytes]), new DecompressionStream("deflate-raw"))).text());
-    const whole = request.robot.drive.type && request.robot.footprint.type && request.robot.limits && request.start && request.goal;
+    const request = JSON.parse(
+      await new Response(await through(new Blob([bytes]), new DecompressionStream("deflate-raw"))).text(),
+    );
+    const whole =
+      request.robot.drive.type &&
+      request.robot.footprint.type &&
+      request.robot.limits &&
+      request.start &&
+      request.goal;
     return whole && request.environment ? { options: {}, ...request } : null;
   } catch {
     return null; // a link that was cut short: the example is shown instead

@@ -22,11 +22,23 @@ import { startTransport } from "./transport.js";
 /** How long a plan takes before one may want to stop it, ms. */
 const PATIENCE = 500;
 
-let running = null, patience = 0;
+let running = null,
+  patience = 0;
 
 async function start() {
-  for (const begin of [startTheme, startProblems, startPanel, startFloor, startGrips, startTools, startTransport,
-    startResult, startCharts, startExport]) begin();
+  for (const begin of [
+    startTheme,
+    startProblems,
+    startPanel,
+    startFloor,
+    startGrips,
+    startTools,
+    startTransport,
+    startResult,
+    startCharts,
+    startExport,
+  ])
+    begin();
   on("announce", (text) => (byId("said").textContent = text));
   on("settled", () => byId("live").checked && submit());
   byId("live").addEventListener("change", () => tell("settled"));
@@ -34,18 +46,24 @@ async function start() {
   byId("stop").addEventListener("click", () => running?.abort());
   byId("setup").addEventListener("change", () => tell("settled"));
   document.addEventListener("keydown", (event) => {
-    if (event.key === "z" && (event.ctrlKey || event.metaKey) && !event.target.matches("input, textarea")) undo();
-    if (event.key === "Enter" && (event.ctrlKey || event.metaKey || event.target.matches("#setup input"))) submit();
+    if (event.key === "z" && (event.ctrlKey || event.metaKey) && !event.target.matches("input, textarea"))
+      undo();
+    if (event.key === "Enter" && (event.ctrlKey || event.metaKey || event.target.matches("#setup input")))
+      submit();
   });
   try {
     const [drives, openapi, maps, request] = await Promise.all([
-      getJson("/v1/drives"), getJson("/openapi.json"), getJson("/v1/maps"), linked(),
+      getJson("/v1/drives"),
+      getJson("/openapi.json"),
+      getJson("/v1/maps"),
+      linked(),
     ]);
     state.drives = new Map(drives.drives.map((drive) => [drive.type, drive]));
     state.schemas = openapi.components.schemas;
     state.maps = maps.maps;
     offerFormats(openapi.paths["/v1/plans"].post.responses[200].content);
-    state.request = request && state.drives.has(request.robot.drive.type) ? request : structuredClone(EXAMPLE);
+    state.request =
+      request && state.drives.has(request.robot.drive.type) ? request : structuredClone(EXAMPLE);
   } catch (error) {
     complain(error.problem ?? { title: "The page could not start", detail: String(error) });
     return;
@@ -99,10 +117,17 @@ function show(motion, first) {
 
 function progress(answer, final, elapsed) {
   const spent = elapsed === null ? "" : `after ${fixed(elapsed, 1)} s`;
-  if (!final) byId("plan").replaceChildren("Improving", element("small", {}, `${fixed(answer.duration, 2)} s ${spent}`));
+  if (!final)
+    byId("plan").replaceChildren(
+      "Improving",
+      element("small", {}, `${fixed(answer.duration, 2)} s ${spent}`),
+    );
   byId("stop").textContent = "Stop, keep this one";
   byId("stop").hidden = final;
-  tell("announce", `${final ? "Planned" : "A plan so far"}: ${fixed(answer.duration, 2)} seconds, ${fixed(answer.length, 2)} metres.`);
+  tell(
+    "announce",
+    `${final ? "Planned" : "A plan so far"}: ${fixed(answer.duration, 2)} seconds, ${fixed(answer.length, 2)} metres.`,
+  );
 }
 
 function busy(on, effort) {

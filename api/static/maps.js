@@ -20,12 +20,20 @@ export function chooseMap(id) {
   state.selected = null;
   edit((request) => {
     if (!id) {
-      Object.assign(request, structuredClone(before ?? { environment: { bounds: { x_min: 0, y_min: 0, x_max: 10, y_max: 6 }, obstacles: [] } }));
+      Object.assign(
+        request,
+        structuredClone(
+          before ?? { environment: { bounds: { x_min: 0, y_min: 0, x_max: 10, y_max: 6 }, obstacles: [] } },
+        ),
+      );
       return;
     }
     request.environment = { map: { id, unknown: environment.map?.unknown ?? "occupied" } };
     const map = state.maps.find((known) => known.id === id);
-    for (const [pose, share] of [[request.start, 0.3], [request.goal, 0.7]]) {
+    for (const [pose, share] of [
+      [request.start, 0.3],
+      [request.goal, 0.7],
+    ]) {
       if (!on(map, pose)) [pose.x, pose.y] = spot(map, share).map((value) => Number(value.toFixed(2)));
     }
   }, "all");
@@ -34,13 +42,18 @@ export function chooseMap(id) {
 
 function spot(map, share) {
   const [x, y, theta] = map.origin;
-  return placed([[share * map.width * map.resolution, 0.5 * map.height * map.resolution]], { x, y, theta })[0];
+  return placed([[share * map.width * map.resolution, 0.5 * map.height * map.resolution]], {
+    x,
+    y,
+    theta,
+  })[0];
 }
 
 /** Where a world point lies on a map, in cells from its lower left corner. */
 export function cell(map, [px, py]) {
   const [x, y, theta] = map.origin;
-  const c = Math.cos(theta), s = Math.sin(theta);
+  const c = Math.cos(theta),
+    s = Math.sin(theta);
   return [(c * (px - x) + s * (py - y)) / map.resolution, (c * (py - y) - s * (px - x)) / map.resolution];
 }
 
@@ -51,9 +64,18 @@ function on(map, pose) {
 
 /** The corners of a map in the world. */
 export function mapCorners(map) {
-  const w = map.width * map.resolution, h = map.height * map.resolution;
+  const w = map.width * map.resolution,
+    h = map.height * map.resolution;
   const [x, y, theta] = map.origin;
-  return placed([[0, 0], [w, 0], [w, h], [0, h]], { x, y, theta });
+  return placed(
+    [
+      [0, 0],
+      [w, 0],
+      [w, h],
+      [0, h],
+    ],
+    { x, y, theta },
+  );
 }
 
 /** The map's picture in the theme's colours, or null while it is fetched: then "request" is told later. */
@@ -89,7 +111,8 @@ function paint(known) {
   const made = new ImageData(width, height);
   const colours = new Uint32Array(made.data.buffer);
   const packed = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
-  const wall = packed(palette.rgb.wall), unknown = packed(palette.rgb.unknown);
+  const wall = packed(palette.rgb.wall),
+    unknown = packed(palette.rgb.unknown);
   for (let i = 0; i < colours.length; i++) {
     const kind = kindOf(data[4 * i]);
     if (kind) colours[i] = kind === "wall" ? wall : unknown;
@@ -113,13 +136,15 @@ export function hits(map, polygon, covers) {
     Math.max(0, Math.floor(Math.min(...cells.map((c) => c[axis])))),
     Math.min(end - 1, Math.ceil(Math.max(...cells.map((c) => c[axis])))),
   ];
-  const [left, right] = range(0, map.width), [low, high] = range(1, map.height);
+  const [left, right] = range(0, map.width),
+    [low, high] = range(1, map.height);
   const strict = state.request.environment.map.unknown !== "free";
   const found = [];
   for (let row = low; row <= high; row++) {
     for (let column = left; column <= right; column++) {
       const kind = kindOf(grey.data[4 * ((map.height - 1 - row) * map.width + column)]);
-      if ((kind === "wall" || (strict && kind)) && covers([column + 0.5, row + 0.5], cells)) found.push([column, row]);
+      if ((kind === "wall" || (strict && kind)) && covers([column + 0.5, row + 0.5], cells))
+        found.push([column, row]);
     }
   }
   return found;

@@ -22,7 +22,9 @@ export class Motion {
     this.wheels = Object.entries(answer.schedule.wheels).map(([name, wheel]) => ({
       name,
       ...columns(wheel, ["angle", "velocity", "acceleration"]),
-      steering: answer.schedule.steering[name] ? columns(answer.schedule.steering[name], ["angle", "rate"]) : null,
+      steering: answer.schedule.steering[name]
+        ? columns(answer.schedule.steering[name], ["angle", "rate"])
+        : null,
     }));
     this.outline = outline(request.robot.footprint);
     this.layout = wheelsOf(request.robot.drive);
@@ -39,7 +41,8 @@ export class Motion {
 
   /** The sample at or before a time, and the share of the way to the next. */
   locate(time) {
-    let low = 0, high = this.time.length - 1;
+    let low = 0,
+      high = this.time.length - 1;
     while (high - low > 1) {
       const middle = (low + high) >> 1;
       if (this.time[middle] <= time) low = middle;
@@ -78,7 +81,8 @@ export function at(series, { low, high, share }) {
 function travelled({ x, y, theta }, rim) {
   const way = new Float64Array(x.length);
   for (let i = 1; i < way.length; i++) {
-    way[i] = way[i - 1] + Math.hypot(x[i] - x[i - 1], y[i] - y[i - 1]) + rim * Math.abs(theta[i] - theta[i - 1]);
+    way[i] =
+      way[i - 1] + Math.hypot(x[i] - x[i - 1], y[i] - y[i - 1]) + rim * Math.abs(theta[i] - theta[i - 1]);
   }
   return way;
 }

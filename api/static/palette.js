@@ -3,11 +3,10 @@
 import { byId, icon } from "./dom.js";
 import { tell } from "./state.js";
 
-const NAMES = [
-  "page", "floor", "void", "grid", "line", "edge", "ink", "soft", "accent", "solid", "solid-edge", "wall", "unknown",
-  "slow", "fast", "body", "tyre", "tread", "start", "goal", "bad", "surface",
-  "w0", "w1", "w2", "w3", "w4", "w5", "w6", "w7",
-];
+const NAMES = (
+  "page floor void grid line edge ink soft accent solid solid-edge wall unknown slow fast body tyre tread " +
+  "start goal bad surface w0 w1 w2 w3 w4 w5 w6 w7"
+).split(" ");
 const THEMES = ["system", "light", "dark"];
 const KEPT = "wheelplan-theme";
 
@@ -22,14 +21,18 @@ function read() {
     probe.style.color = `var(--${name})`;
     const text = getComputedStyle(probe).color;
     palette.css[name] = text;
-    palette.rgb[name] = text.match(/[\d.]+/g).slice(0, 3).map(Number);
+    palette.rgb[name] = text
+      .match(/[\d.]+/g)
+      .slice(0, 3)
+      .map(Number);
   }
   probe.remove();
 }
 
 /** Between two colours: share 0 is the first. */
 export function mixed(from, to, share) {
-  const a = palette.rgb[from], b = palette.rgb[to];
+  const a = palette.rgb[from],
+    b = palette.rgb[to];
   return `rgb(${a.map((v, i) => Math.round(v + share * (b[i] - v))).join(" ")})`;
 }
 
@@ -53,7 +56,9 @@ export function startTheme() {
     theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length];
     try {
       localStorage.setItem(KEPT, theme);
-    } catch { /* storage may be off: then the choice lasts as long as the page */ }
+    } catch {
+      /* storage may be off: then the choice lasts as long as the page */
+    }
     apply();
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", apply);

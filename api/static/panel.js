@@ -77,15 +77,26 @@ export function takeDrive(request, kind) {
   request.robot.drive = structuredClone(example);
   const spots = wheelsOf(example);
   const span = (axis) => Math.max(0.15, ...spots.map((w) => Math.abs(w[axis]) + w.radius));
-  const [front, back] = [Math.max(0.3, ...spots.map((w) => w.x + w.radius)), Math.min(-0.3, ...spots.map((w) => w.x - w.radius))];
+  const [front, back] = [
+    Math.max(0.3, ...spots.map((w) => w.x + w.radius)),
+    Math.min(-0.3, ...spots.map((w) => w.x - w.radius)),
+  ];
   const size = (value) => Number(value.toFixed(2));
   request.robot.footprint =
     kind === "omni" || kind === "synchro"
       ? { type: "circle", radius: size(reach(spots.map((w) => [w.x, w.y])) + 0.1) }
-      : { type: "rectangle", length: size(front - back + 0.1), width: size(2 * span("y")), offset: size((front + back) / 2) };
+      : {
+          type: "rectangle",
+          length: size(front - back + 0.1),
+          width: size(2 * span("y")),
+          offset: size((front + back) / 2),
+        };
   const { wheel_speed, wheel_acceleration } = request.robot.limits;
   const plain = (value, otherwise) => (typeof value === "number" ? value : otherwise);
-  request.robot.limits = { wheel_speed: plain(wheel_speed, 15), wheel_acceleration: plain(wheel_acceleration, 20) };
+  request.robot.limits = {
+    wheel_speed: plain(wheel_speed, 15),
+    wheel_acceleration: plain(wheel_acceleration, 20),
+  };
   // Where only some wheels steer the drive is car-like, and must be told how far; the others turn all round.
   if (steering.length) request.robot.limits.steering_rate = steering.length < wheels.length ? 2 : 6;
   if (steering.length && steering.length < wheels.length) request.robot.limits.steering_angle = 0.8;
@@ -95,9 +106,15 @@ export function takeDrive(request, kind) {
 function footprint() {
   const kinds = { rectangle: "RectangleFootprint", polygon: "PolygonFootprint", circle: "CircleFootprint" };
   const pointer = "/robot/footprint";
-  const input = element("select", {}, ...Object.keys(kinds).map((kind) => element("option", { value: kind }, label(kind))));
+  const input = element(
+    "select",
+    {},
+    ...Object.keys(kinds).map((kind) => element("option", { value: kind }, label(kind))),
+  );
   bind(input, `${pointer}/type`, (value) => (input.value = value));
-  input.addEventListener("change", () => edit(({ robot }) => (robot.footprint = reshaped(robot.footprint, input.value)), "footprint"));
+  input.addEventListener("change", () =>
+    edit(({ robot }) => (robot.footprint = reshaped(robot.footprint, input.value)), "footprint"),
+  );
   const kind = kinds[state.request.robot.footprint.type];
   return [
     line({ name: "type", title: "Shape", pointer: `${pointer}/type` }, input, ""),
@@ -111,7 +128,8 @@ function reshaped(from, kind) {
   const radius = Number(reach(shape).toFixed(3)) || 0.3;
   if (kind === "circle") return { type: kind, radius };
   if (kind === "rectangle") return { type: kind, length: 2 * radius, width: 2 * radius };
-  const vertices = from.type === "circle" ? outline({ type: "rectangle", length: 2 * radius, width: 2 * radius }) : shape;
+  const vertices =
+    from.type === "circle" ? outline({ type: "rectangle", length: 2 * radius, width: 2 * radius }) : shape;
   return { type: kind, vertices: vertices.map((v) => v.map((c) => Number(c.toFixed(3)))) };
 }
 
@@ -159,11 +177,17 @@ function space() {
   const input = element("select", {}, none, ...known);
   input.value = chosen;
   input.addEventListener("change", () => chooseMap(input.value));
-  const file = element("input", { type: "file", multiple: true, accept: ".yaml,.yml,.pgm,.png", className: "unseen" });
+  const file = element("input", {
+    type: "file",
+    multiple: true,
+    accept: ".yaml,.yml,.pgm,.png",
+    className: "unseen",
+  });
   file.addEventListener("change", () => upload([...file.files]).finally(() => (file.value = "")));
   const button = element("label", { className: "quiet upload" }, "Upload a yaml and its image", file);
   const made = [line({ title: "Map", pointer: "/environment/map" }, input, ""), button];
-  if (chosen) made.push(...fields(schema("MapReference"), state.schemas, "/environment/map", { skip: ["id"] }));
+  if (chosen)
+    made.push(...fields(schema("MapReference"), state.schemas, "/environment/map", { skip: ["id"] }));
   const bounded = environment.bounds !== undefined;
   if (chosen) {
     const change = ({ environment: e }) => (e.bounds = bounded ? undefined : mapBox(chosen));
@@ -177,14 +201,23 @@ function mapBox(id) {
   const { origin, width, height, resolution } = state.maps.find((map) => map.id === id);
   const round = (value) => Number(value.toFixed(3));
   const [x, y] = origin;
-  return { x_min: round(x), y_min: round(y), x_max: round(x + width * resolution), y_max: round(y + height * resolution) };
+  return {
+    x_min: round(x),
+    y_min: round(y),
+    x_max: round(x + width * resolution),
+    y_max: round(y + height * resolution),
+  };
 }
 
 async function upload(files) {
   const yaml = files.find((file) => /\.ya?ml$/i.test(file.name));
   const image = files.find((file) => /\.(pgm|png)$/i.test(file.name));
   if (!yaml || !image) {
-    complain({ code: "", title: "A map is two files", detail: "Choose its yaml and its PGM or PNG image together." });
+    complain({
+      code: "",
+      title: "A map is two files",
+      detail: "Choose its yaml and its PGM or PNG image together.",
+    });
     return;
   }
   try {
@@ -200,7 +233,11 @@ function obstacles() {
   const list = obstaclesOf(state.request);
   const buttons = list.map((obstacle, i) => {
     const title = `${label(obstacle.type)} ${i + 1}`;
-    const item = element("button", { type: "button", className: "obstacle", dataset: { pointer: `/environment/obstacles/${i}` } }, title);
+    const item = element(
+      "button",
+      { type: "button", className: "obstacle", dataset: { pointer: `/environment/obstacles/${i}` } },
+      title,
+    );
     item.setAttribute("aria-pressed", String(i === state.selected));
     item.addEventListener("click", () => {
       select(i === state.selected ? null : i);
@@ -208,16 +245,38 @@ function obstacles() {
     });
     return item;
   });
-  const chips = element("div", { className: "chips", dataset: { pointer: "/environment/obstacles" } }, ...buttons);
+  const chips = element(
+    "div",
+    { className: "chips", dataset: { pointer: "/environment/obstacles" } },
+    ...buttons,
+  );
   const at = state.selected;
-  if (at === null || !list[at]) return [chips, element("p", { className: "hint" }, "Draw on the floor plan with the tools there; select one to change it.")];
+  if (at === null || !list[at])
+    return [
+      chips,
+      element(
+        "p",
+        { className: "hint" },
+        "Draw on the floor plan with the tools there; select one to change it.",
+      ),
+    ];
   const pointer = `/environment/obstacles/${at}`;
   const remove = element("button", { type: "button", className: "quiet" }, "Delete");
   remove.addEventListener("click", () => removeObstacle(at));
   const inner =
     list[at].type === "circle"
-      ? [centre(pointer, 0), centre(pointer, 1), ...fields(schema("CircleObstacle"), state.schemas, pointer, { skip: ["center"] })]
-      : [points({ name: "vertices", pointer: `${pointer}/vertices`, about: schema("PolygonObstacle").properties.vertices })];
+      ? [
+          centre(pointer, 0),
+          centre(pointer, 1),
+          ...fields(schema("CircleObstacle"), state.schemas, pointer, { skip: ["center"] }),
+        ]
+      : [
+          points({
+            name: "vertices",
+            pointer: `${pointer}/vertices`,
+            about: schema("PolygonObstacle").properties.vertices,
+          }),
+        ];
   return [chips, ...inner, remove];
 }
 
@@ -225,8 +284,15 @@ function centre(obstacle, axis) {
   const pointer = `${obstacle}/center/${axis}`;
   const input = element("input", { type: "number", step: "any", inputMode: "decimal" });
   bind(input, pointer, (value) => (input.value = value));
-  input.addEventListener("input", () => edit((request) => setAt(request, pointer, input.value === "" ? null : input.valueAsNumber)));
-  return line({ title: axis ? "Centre y" : "Centre x", pointer }, input, "", element("span", { className: "unit" }, "m"));
+  input.addEventListener("input", () =>
+    edit((request) => setAt(request, pointer, input.value === "" ? null : input.valueAsNumber)),
+  );
+  return line(
+    { title: axis ? "Centre y" : "Centre x", pointer },
+    input,
+    "",
+    element("span", { className: "unit" }, "m"),
+  );
 }
 
 export function removeObstacle(index) {

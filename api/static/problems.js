@@ -27,13 +27,17 @@ export function complain(problem, retry = null) {
     reveal(fields[0]);
     fields[0].scrollIntoView({ block: "nearest" });
     const { errors } = problem;
-    if (errors.length > 1) notice(`${errors.length} fields need another value`, "They are marked in the setup.");
+    if (errors.length > 1)
+      notice(`${errors.length} fields need another value`, "They are marked in the setup.");
     else notice("A field needs another value", errors[0].detail);
     // Nobody is sent back who already types elsewhere.
     const first = fields[0].querySelector("input, select, textarea");
     if (!byId("setup").contains(document.activeElement)) first?.focus({ preventScroll: true });
   } else {
-    notice(problem.title, [detail(problem, which), ...unplaced.map((error) => error.detail)].filter(Boolean).join(" "));
+    notice(
+      problem.title,
+      [detail(problem, which), ...unplaced.map((error) => error.detail)].filter(Boolean).join(" "),
+    );
   }
   if (problem.retry_after && retry) offer(problem.retry_after, retry);
   tell("problem");
@@ -49,8 +53,11 @@ function detail(problem, which) {
   }
   if (problem.proof) {
     const { radius, width, width_needed } = problem.proof;
-    const [r, ru] = length(radius), [w, wu] = length(width), [n, nu] = length(width_needed);
-    const way = width > 0 ? `the widest way, marked on the plan, has ${w} ${wu}` : "what stands between leaves no gap";
+    const [r, ru] = length(radius),
+      [w, wu] = length(width),
+      [n, nu] = length(width_needed);
+    const way =
+      width > 0 ? `the widest way, marked on the plan, has ${w} ${wu}` : "what stands between leaves no gap";
     return `Even a disc of radius ${r} ${ru} inside the footprint cannot pass: it needs ${n} ${nu}, and ${way}.`;
   }
   return problem.errors ? "" : problem.detail;
@@ -68,7 +75,12 @@ function nearest(which) {
 /** Puts an error next to the field of its pointer, or of the nearest one above it. */
 function mark({ pointer, detail: text }) {
   const way = parts(pointer ?? "").map((part) => part.replaceAll("~", "~0").replaceAll("/", "~1"));
-  if (way[0] === "environment" && way[1] === "obstacles" && way.length > 2 && state.selected !== Number(way[2])) {
+  if (
+    way[0] === "environment" &&
+    way[1] === "obstacles" &&
+    way.length > 2 &&
+    state.selected !== Number(way[2])
+  ) {
     state.selected = Number(way[2]);
     tell("request", "obstacles");
   }
@@ -77,7 +89,11 @@ function mark({ pointer, detail: text }) {
     if (!at) continue;
     at.classList.add("wrong");
     const input = at.querySelector("input, select, textarea");
-    const said = element("p", { className: "error", id: `error-${document.querySelectorAll(".error").length}` }, text);
+    const said = element(
+      "p",
+      { className: "error", id: `error-${document.querySelectorAll(".error").length}` },
+      text,
+    );
     input?.setAttribute("aria-invalid", "true");
     input?.setAttribute("aria-errormessage", said.id);
     if (at.matches("button")) at.parentElement.after(said);
@@ -95,7 +111,10 @@ function notice(title, text) {
     state.problem = null;
     tell("problem");
   });
-  byId("notice").replaceChildren(element("div", {}, element("strong", {}, title), element("p", {}, text)), close);
+  byId("notice").replaceChildren(
+    element("div", {}, element("strong", {}, title), element("p", {}, text)),
+    close,
+  );
   byId("notice").hidden = false;
 }
 

@@ -24,7 +24,12 @@ function show() {
       { className: "figures" },
       ...figure("Duration", fixed(answer.duration, 2), "s"),
       ...figure("Length", fixed(answer.length, 2), "m"),
-      ...figure("Planner", answer.planning.planner, "", `${fixed(1e3 * (answer.planning.timings?.total ?? 0), 0)} ms`),
+      ...figure(
+        "Planner",
+        answer.planning.planner,
+        "",
+        `${fixed(1e3 * (answer.planning.timings?.total ?? 0), 0)} ms`,
+      ),
     ),
     element("ul", { className: "lamps" }, ...lamps(answer.certificate, request)),
     element("p", { className: "outdated" }, "The setup has changed since: plan again."),
@@ -40,16 +45,42 @@ function figure(name, value, unit, note = "") {
 function lamps(certificate, request) {
   const ratios = Object.entries(certificate)
     .filter(([name, value]) => name.endsWith("_ratio") && value > 0)
-    .map(([name, value]) => lamp(label(name.slice(0, -"_ratio".length)), [fixed(100 * value, 1), "%"], value <= AT_LIMIT,
-      "used of what is allowed"));
+    .map(([name, value]) =>
+      lamp(
+        label(name.slice(0, -"_ratio".length)),
+        [fixed(100 * value, 1), "%"],
+        value <= AT_LIMIT,
+        "used of what is allowed",
+      ),
+    );
   const floor = request.options?.min_clearance ?? 0;
   // The service returns no plan whose closure or slip it does not accept; it does not say how much that is.
   return [
     ...ratios,
-    lamp("Closure", length(certificate.closure_position), true, "from the goal to where rolling the wheels ends"),
-    lamp("Closure heading", [fixed(1e3 * certificate.closure_heading, 2), "mrad"], true, "the same, for the heading"),
-    lamp("Slip", [fixed(1e3 * certificate.slip, 2), "mm/s"], true, "how far the wheels disagree on one rigid motion"),
-    lamp("Clearance", length(certificate.clearance), certificate.clearance >= floor - 1e-4, "from the footprint to the nearest obstacle"),
+    lamp(
+      "Closure",
+      length(certificate.closure_position),
+      true,
+      "from the goal to where rolling the wheels ends",
+    ),
+    lamp(
+      "Closure heading",
+      [fixed(1e3 * certificate.closure_heading, 2), "mrad"],
+      true,
+      "the same, for the heading",
+    ),
+    lamp(
+      "Slip",
+      [fixed(1e3 * certificate.slip, 2), "mm/s"],
+      true,
+      "how far the wheels disagree on one rigid motion",
+    ),
+    lamp(
+      "Clearance",
+      length(certificate.clearance),
+      certificate.clearance >= floor - 1e-4,
+      "from the footprint to the nearest obstacle",
+    ),
   ];
 }
 

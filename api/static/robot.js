@@ -91,14 +91,16 @@ function drawWheel(context, { radius, roller }, turned, pixel) {
 
 /** A line across the wheel, or a roller in the direction `lean`, as long as it looks from above. */
 function tread(context, along, half, lean, short) {
-  const c = Math.cos(lean), s = Math.sin(lean);
+  const c = Math.cos(lean),
+    s = Math.sin(lean);
   const reach = Math.abs(s) > 0.3 ? half / Math.abs(s) : short;
   context.moveTo(along - reach * c, -reach * s);
   context.lineTo(along + reach * c, reach * s);
 }
 
 function drawTrack(context, { radius }, turned, length, pixel) {
-  const half = 0.45 * radius, end = length / 2;
+  const half = 0.45 * radius,
+    end = length / 2;
   tyre(context, end, half);
   const pitch = 0.5 * radius;
   context.strokeStyle = palette.css.tread;

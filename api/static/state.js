@@ -74,7 +74,10 @@ export function select(index) {
 
 /** The parts of a JSON pointer (RFC 6901). */
 export function parts(pointer) {
-  return pointer.split("/").slice(1).map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
+  return pointer
+    .split("/")
+    .slice(1)
+    .map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
 }
 
 export function join(pointer, part) {

@@ -12,17 +12,26 @@ import { edit, on, select, state, tell } from "./state.js";
 const TOOLS = {
   select: ["Select and move", ""],
   box: ["Draw a box", "Drag from corner to corner."],
-  polygon: ["Draw a polygon", "Click each corner; click the first again, or press Enter, to close it. Escape drops it."],
+  polygon: [
+    "Draw a polygon",
+    "Click each corner; click the first again, or press Enter, to close it. Escape drops it.",
+  ],
   circle: ["Draw a circle", "Drag from the centre outwards."],
 };
 const floor = byId("floor");
 const pointers = new Map();
 /** What is being drawn: corners in the world, and where the pointer is. */
-let drawn = [], tip = null, gesture = null;
+let drawn = [],
+  tip = null,
+  gesture = null;
 
 export function startTools() {
   for (const [name, [title]] of Object.entries(TOOLS)) byId("tools").append(toolButton(name, title));
-  for (const [name, title, act] of [["in", "Zoom in", () => zoom(1.4)], ["out", "Zoom out", () => zoom(1 / 1.4)], ["fit", "Show all", fit]]) {
+  for (const [name, title, act] of [
+    ["in", "Zoom in", () => zoom(1.4)],
+    ["out", "Zoom out", () => zoom(1 / 1.4)],
+    ["fit", "Show all", fit],
+  ]) {
     const button = element("button", { type: "button", className: "icon", title }, icon(name));
     button.setAttribute("aria-label", title);
     button.addEventListener("click", act);
@@ -41,7 +50,11 @@ export function startTools() {
 }
 
 function toolButton(name, title) {
-  const button = element("button", { type: "button", className: "icon", title, dataset: { tool: name } }, icon(name));
+  const button = element(
+    "button",
+    { type: "button", className: "icon", title, dataset: { tool: name } },
+    icon(name),
+  );
   button.setAttribute("aria-label", title);
   button.addEventListener("click", (event) => {
     take(name);
@@ -59,7 +72,8 @@ function take(name) {
 }
 
 function showTool() {
-  for (const button of byId("tools").children) button.setAttribute("aria-pressed", String(button.dataset.tool === state.tool));
+  for (const button of byId("tools").children)
+    button.setAttribute("aria-pressed", String(button.dataset.tool === state.tool));
   floor.dataset.tool = state.tool;
   byId("tip").textContent = TOOLS[state.tool][1];
   byId("tip").hidden = !TOOLS[state.tool][1];
@@ -67,14 +81,23 @@ function showTool() {
 
 function drop(kind) {
   const [x, y] = camera.toWorld([camera.width / 2, camera.height / 2]).map(tidy);
-  const shapes = { circle: () => circle([x, y], 0.5), box: () => box([x - 0.5, y - 0.5], [x + 0.5, y + 0.5]) };
+  const shapes = {
+    circle: () => circle([x, y], 0.5),
+    box: () => box([x - 0.5, y - 0.5], [x + 0.5, y + 0.5]),
+  };
   add((shapes[kind] ?? shapes.box)());
   take("select");
 }
 
 const tidy = (value) => Number(value.toFixed(2)) + 0;
 const circle = (center, radius) => ({ type: "circle", center: center.map(tidy), radius: tidy(radius) });
-const box = ([x0, y0], [x1, y1]) => polygon([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]);
+const box = ([x0, y0], [x1, y1]) =>
+  polygon([
+    [x0, y0],
+    [x1, y0],
+    [x1, y1],
+    [x0, y1],
+  ]);
 const polygon = (vertices) => ({ type: "polygon", vertices: vertices.map((vertex) => vertex.map(tidy)) });
 
 function add(obstacle) {
@@ -141,7 +164,8 @@ const GESTURES = {
       return { ...panning, up: (_, to) => near(from, to) && state.selected !== null && select(null) };
     }
     if (hit !== state.selected) select(hit);
-    let last = at, moved = false;
+    let last = at,
+      moved = false;
     return {
       move: (now, pixelNow) => {
         if (!moved && near(from, pixelNow)) return;
@@ -190,7 +214,9 @@ const near = ([ax, ay], [bx, by], within = 4) => Math.hypot(ax - bx, ay - by) < 
 
 /** The topmost obstacle at a point, or null. */
 function obstacleAt(point) {
-  const found = (state.request.environment.obstacles ?? []).findLastIndex((obstacle) => inside(point, corners(obstacle)));
+  const found = (state.request.environment.obstacles ?? []).findLastIndex((obstacle) =>
+    inside(point, corners(obstacle)),
+  );
   return found < 0 ? null : found;
 }
 

@@ -22,7 +22,12 @@ export function startTransport() {
     showState();
   });
   document.addEventListener("keydown", (event) => {
-    if (event.key !== " " || event.defaultPrevented || event.target.matches("input, textarea, select, button, summary, a, pre")) return;
+    if (
+      event.key !== " " ||
+      event.defaultPrevented ||
+      event.target.matches("input, textarea, select, button, summary, a, pre")
+    )
+      return;
     event.preventDefault();
     toggle();
   });
@@ -30,7 +35,12 @@ export function startTransport() {
 }
 
 function speedButton(speed) {
-  const input = element("input", { type: "radio", name: "speed", value: speed, checked: speed === player.speed });
+  const input = element("input", {
+    type: "radio",
+    name: "speed",
+    value: speed,
+    checked: speed === player.speed,
+  });
   input.addEventListener("change", () => (player.speed = speed));
   return element("label", {}, input, element("span", {}, `${speed}×`));
 }
@@ -39,8 +49,14 @@ function speedButton(speed) {
 function step(event) {
   const by = event.shiftKey ? 1 : 0.1;
   const go = {
-    ArrowLeft: player.time - by, ArrowDown: player.time - by, ArrowRight: player.time + by, ArrowUp: player.time + by,
-    PageDown: player.time - 1, PageUp: player.time + 1, Home: 0, End: Infinity,
+    ArrowLeft: player.time - by,
+    ArrowDown: player.time - by,
+    ArrowRight: player.time + by,
+    ArrowUp: player.time + by,
+    PageDown: player.time - 1,
+    PageUp: player.time + 1,
+    Home: 0,
+    End: Infinity,
   }[event.key];
   if (event.key === " ") toggle();
   else if (go === undefined) return;

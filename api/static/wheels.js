@@ -13,7 +13,10 @@
  * @property {boolean} [track] whether it is the sprocket of a track
  */
 
-const axle = (x, d) => [[x, d.track_width / 2], [x, -d.track_width / 2]];
+const axle = (x, d) => [
+  [x, d.track_width / 2],
+  [x, -d.track_width / 2],
+];
 const four = (d) => [...axle(d.wheelbase / 2, d), ...axle(-d.wheelbase / 2, d)];
 const FOUR = ["front_left", "front_right", "rear_left", "rear_right"];
 
@@ -37,7 +40,10 @@ const LAYOUTS = {
   mecanum: (d) => at(FOUR, four(d), d, (i) => ({ roller: i === 0 || i === 3 ? Math.PI / 4 : -Math.PI / 4 })),
   omni: (d) => {
     const places = ring(d.wheel_count ?? 3, d.robot_radius, d.wheel_offset ?? 0);
-    return at(numbered(places.length), places, d, (i) => ({ heading: places[i][2] - Math.PI / 2, roller: 0 }));
+    return at(numbered(places.length), places, d, (i) => ({
+      heading: places[i][2] - Math.PI / 2,
+      roller: 0,
+    }));
   },
   // The contact's free direction is that of a roller at the floor; from above one sees its mirror image.
   swedish: (d) => d.wheels.map((w) => ({ ...w, roller: -w.roller_angle })),
@@ -45,9 +51,19 @@ const LAYOUTS = {
   ackermann: (d) => at(FOUR, [...axle(d.wheelbase, d), ...axle(0, d)], d),
   // The contract does not say where they stand, since it does not matter to the motion.
   synchro: (d) => at(numbered(d.wheel_count ?? 3), ring(d.wheel_count ?? 3, 2.2 * d.wheel_radius), d),
-  swerve: (d) => at(d.modules.map((m) => m.name), d.modules.map((m) => [m.x, m.y]), d),
+  swerve: (d) =>
+    at(
+      d.modules.map((m) => m.name),
+      d.modules.map((m) => [m.x, m.y]),
+      d,
+    ),
   powered_caster: (d) =>
-    at(d.modules.map((m) => m.name), d.modules.map((m) => [m.x, m.y]), d, () => ({ trail: d.caster_offset })),
+    at(
+      d.modules.map((m) => m.name),
+      d.modules.map((m) => [m.x, m.y]),
+      d,
+      () => ({ trail: d.caster_offset }),
+    ),
 };
 
 /** The wheels of a drive, as far as its parameters are complete. @returns {Wheel[]} */
