@@ -111,3 +111,24 @@ def test_a_link_that_is_no_setup_opens_the_example(open_page):
     for broken in ("#r=AAAA", "#r=!", "#other"):
         view = open_page(at=f"/{broken}")
         assert view.state("state.request.robot.drive.type") == "ackermann"
+
+
+@pytest.mark.parametrize("kind", ["ackermann", "swedish", "synchro"])
+def test_a_field_that_is_being_typed_breaks_nothing_that_is_drawn(open_page, kind):
+    view = open_page()
+    view.field("/robot/drive/type").select_option(kind)
+    view.edit("r.environment.obstacles = [{ type: 'polygon', vertices: [[5, 5], [6, 5], [6, 5.5]] }]")
+    for section in ("footprint", "limits", "start", "goal", "space", "obstacles", "options"):
+        view.reveal(section)
+    view.page.click(".obstacle")
+    parts = "(({ robot, ...others }) => [others, robot.limits])(state.request)"
+    before = view.state(parts)
+    typed = view.page.locator("#setup :is(input[type=number], input[type=text], textarea)").all()
+    assert len(typed) > 20
+    for one in typed:
+        was = one.input_value()
+        for text in ("", "-") if one.get_attribute("type") != "number" else ("", "-1", "1e9"):
+            one.fill(text)
+            view.page.evaluate("() => new Promise(requestAnimationFrame)")
+        one.fill(was)
+    assert view.state(parts) == before
