@@ -70,8 +70,8 @@ def json_only(request: Request) -> None:
     choose(request.headers.get("accept"), ["application/json"])
 
 
-async def read_model(request: Request, model: type[Model]) -> Model:
-    """The JSON body as a model.
+async def read_model(request: Request, model: type[Model], limit: int | None = None) -> Model:
+    """The JSON body, at most `limit` bytes long (max_body_bytes), as a model.
 
     Raises Refusal: unsupported-media-type, payload-too-large, malformed-json, invalid-request.
     """
@@ -80,7 +80,7 @@ async def read_model(request: Request, model: type[Model]) -> Model:
     if media_type.strip().lower() != "application/json" or charset not in ("utf-8", "utf8"):
         raise Refusal("unsupported-media-type", "Send the body as Content-Type: application/json, in UTF-8.")
     body = bytearray()
-    async for chunk in bounded(request, settings_of(request).max_body_bytes).stream():
+    async for chunk in bounded(request, limit or settings_of(request).max_body_bytes).stream():
         body += chunk
 
     def read() -> Model:
@@ -117,7 +117,7 @@ def bounded(request: Request, limit: int) -> Request:
 def problems(*codes: str) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route that may refuse with these codes."""
     by_status: dict[int | str, list[str]] = {}
-    for code in (*codes, "not-acceptable", "internal-error"):
+    for code in (*codes, "not-acceptable", "unauthorized", "request-timeout", "internal-error"):
         by_status.setdefault(CODES[code][0], []).append(code)
     schema = {"$ref": "#/components/schemas/Problem"}
     return {
