@@ -7,6 +7,16 @@ export class Refused extends Error {
   }
 }
 
+/** The bearer token for a service that wants one. It lasts as long as this tab. */
+export const token = {
+  get: () => sessionStorage.getItem("wheelplan-token"),
+  set: (value) => sessionStorage.setItem("wheelplan-token", value),
+};
+
+export async function getBlob(path) {
+  return (await answered(path, {})).blob();
+}
+
 export async function getJson(path) {
   return (await answered(path, {})).json();
 }
@@ -61,7 +71,8 @@ function post(request, accept, signal = undefined) {
 async function answered(path, init) {
   let response;
   try {
-    response = await fetch(path, init);
+    const allowed = token.get() ? { Authorization: `Bearer ${token.get()}` } : {};
+    response = await fetch(path, { ...init, headers: { ...init.headers, ...allowed } });
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new Refused({

@@ -1,6 +1,6 @@
 /** Taking it elsewhere: the request as a curl command or a link, the plan as a file. */
 
-import { planAs } from "./client.js";
+import { planAs, token } from "./client.js";
 import { byId, element } from "./dom.js";
 import { words } from "./format.js";
 import { link } from "./link.js";
@@ -45,7 +45,8 @@ function note() {
 /** The command that asks for the plan in view. */
 function curl(request) {
   const body = JSON.stringify(request).replaceAll("'", "'\\''");
-  return `curl -s ${location.origin}/v1/plans \\\n  -H 'Content-Type: application/json' \\\n  -d '${body}'`;
+  const allowed = token.get() ? ` \\\n  -H "Authorization: Bearer $TOKEN"` : "";
+  return `curl -s ${location.origin}/v1/plans${allowed} \\\n  -H 'Content-Type: application/json' \\\n  -d '${body}'`;
 }
 
 async function download() {

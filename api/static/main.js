@@ -1,6 +1,7 @@
 /** The page: what the service offers is fetched, the parts are started, and "Plan" plans. */
 
 import { getJson, plan } from "./client.js";
+import { askToken } from "./access.js";
 import { startCharts } from "./charts.js";
 import { byId, element } from "./dom.js";
 import { EXAMPLE } from "./example.js";
@@ -51,6 +52,11 @@ async function start() {
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey || event.target.matches("#setup input")))
       submit();
   });
+  await load();
+}
+
+/** What the service offers; a token is asked for where that is not for everybody. */
+async function load() {
   try {
     const [drives, openapi, maps, request] = await Promise.all([
       getJson("/v1/drives"),
@@ -65,7 +71,8 @@ async function start() {
     state.request =
       request && state.drives.has(request.robot.drive.type) ? request : structuredClone(EXAMPLE);
   } catch (error) {
-    complain(error.problem ?? { title: "The page could not start", detail: String(error) });
+    if (error.problem?.code === "unauthorized") askToken(load);
+    else complain(error.problem ?? { title: "The page could not start", detail: String(error) });
     return;
   }
   tell("request", "all");
@@ -92,7 +99,8 @@ async function submit() {
   } catch (error) {
     if (error.name !== "AbortError") {
       if (!error.problem) throw error;
-      complain(error.problem, submit);
+      if (error.problem.code === "unauthorized") askToken(submit);
+      else complain(error.problem, submit);
     }
   } finally {
     if (running === mine) {

@@ -1,5 +1,6 @@
 /** The server's maps: choosing one, and its picture in the theme's colours. */
 
+import { getBlob } from "./client.js";
 import { placed } from "./geometry.js";
 import { palette } from "./palette.js";
 import { edit, state, tell } from "./state.js";
@@ -93,8 +94,7 @@ export function picture(map) {
 
 async function load(map) {
   try {
-    const response = await fetch(`/v1/maps/${map.id}/image`);
-    const bitmap = await createImageBitmap(await response.blob());
+    const bitmap = await createImageBitmap(await getBlob(`/v1/maps/${map.id}/image`));
     const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
     const context = canvas.getContext("2d", { willReadFrequently: true });
     context.drawImage(bitmap, 0, 0);

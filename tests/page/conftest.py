@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import socket
-import subprocess
-import sys
-import time
-import urllib.request
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.service.service import ROOT, serving
+
 PICTURES = ROOT / "out" / "page"
 ARGUMENTS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -29,34 +23,8 @@ STATE = "import('/static/state.js').then(({ state }) => %s)"
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a service that is ready."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = str(free.getsockname()[1])
-    process = subprocess.Popen(
-        [sys.executable, "-m", "api.cli", "serve", "--port", port],
-        cwd=ROOT,
-        env=os.environ
-        | {"WHEELPLAN_DATA_DIR": str(tmp_path_factory.mktemp("data")), "WHEELPLAN_WORKERS": "1"},
-        stderr=subprocess.DEVNULL,
-    )
-    url = f"http://127.0.0.1:{port}"
-    try:
-        for _ in range(2400):
-            if _ready(url):
-                break
-            assert process.poll() is None, "the service ended"
-            time.sleep(0.05)
-        yield url
-    finally:
-        process.terminate()
-        process.wait(30)
-
-
-def _ready(url: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{url}/readyz", timeout=2) as answer:
-            return bool(answer.status == 200)
-    except OSError:
-        return False
+    with serving(tmp_path_factory.mktemp("data"), workers=1) as server:
+        yield f"http://127.0.0.1:{server.port}"
 
 
 @pytest.fixture(scope="session")
@@ -80,7 +48,14 @@ def open_page(browser: Any, service: str) -> Iterator[Open]:
     """Opens the page as a View. A failing script, or a request to anybody else, fails the test."""
     views: list[View] = []
 
-    def open_(width: int = 1280, height: int = 800, at: str = "/", script: str = "", **context: Any) -> View:
+    def open_(
+        width: int = 1280,
+        height: int = 800,
+        at: str = "/",
+        script: str = "",
+        of: str | None = None,
+        **context: Any,
+    ) -> View:
         context.setdefault("color_scheme", "light")
         made = browser.new_context(viewport={"width": width, "height": height}, **context)
         made.set_default_timeout(20_000)
@@ -92,15 +67,17 @@ def open_page(browser: Any, service: str) -> Iterator[Open]:
         page.on("request", lambda asked: view.asked.append(asked.url))
         if script:
             page.add_init_script(script)
-        page.goto(service + at)
-        page.wait_for_selector("html[data-ready]")
+        page.goto((of or service) + at)
+        if of is None:
+            page.wait_for_selector("html[data-ready]")
         return view
 
     yield open_
     for view in views:
         view.page.context.close()
         assert view.faults == []
-        assert [url for url in view.asked if not url.startswith((service, "blob:"))] == []
+        theirs = (view.page.url.partition("/#")[0], "blob:")
+        assert [url for url in view.asked if not url.startswith(theirs)] == []
 
 
 class View:

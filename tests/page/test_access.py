@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from tests.service.service import serving
+
 STREAM = """
 const real = window.fetch;
 window.fetch = async (path, init) => {
@@ -202,3 +204,22 @@ def test_a_stream_that_ends_in_a_problem_shows_it(open_page):
     view.page.wait_for_selector("#notice:not([hidden])")
     assert "The process died" in view.page.inner_text("#notice")
     assert view.state("state.motion !== null")
+
+
+def test_where_the_service_wants_a_token_the_page_asks_for_it(open_page, tmp_path):
+    (tmp_path / "tokens").write_text("the-token\n")
+    with serving(tmp_path, "the-token", workers=1, tokens_file=tmp_path / "tokens") as server:
+        view = open_page(of=f"http://127.0.0.1:{server.port}")
+        view.page.wait_for_selector("#access[open]")
+        view.picture("token")
+        view.page.fill("#token", "a-wrong-one")
+        view.page.keyboard.press("Enter")
+        view.page.wait_for_selector("#access-note >> text=does not know")
+        view.page.fill("#token", "the-token")
+        view.page.keyboard.press("Enter")
+        view.page.wait_for_selector("html[data-ready]")
+        view.edit("r.options.effort = 'first'")
+        view.plan()
+        assert view.page.is_visible("#dock")
+        assert "Bearer $TOKEN" in view.page.text_content("#curl")
+        assert "the-token" not in view.page.text_content("#curl")
