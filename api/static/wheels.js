@@ -24,12 +24,15 @@ const FOUR = ["front_left", "front_right", "rear_left", "rear_right"];
 const at = (names, points, d, more = () => ({})) =>
   points.map(([x, y], i) => ({ name: names[i], x, y, heading: 0, radius: d.wheel_radius, ...more(i) }));
 
-const numbered = (count) => Array.from({ length: count }, (_, i) => `wheel_${i + 1}`);
+/** As many as the service takes at most: more may be half typed. */
+const count = (d) => Math.min(d.wheel_count ?? 3, 32);
+
+const numbered = (n) => Array.from({ length: n }, (_, i) => `wheel_${i + 1}`);
 
 /** Points evenly round a circle. */
-const ring = (count, radius, from = 0) =>
-  Array.from({ length: count }, (_, i) => {
-    const angle = from + (2 * Math.PI * i) / count;
+const ring = (n, radius, from = 0) =>
+  Array.from({ length: n }, (_, i) => {
+    const angle = from + (2 * Math.PI * i) / n;
     return [radius * Math.cos(angle), radius * Math.sin(angle), angle];
   });
 
@@ -39,7 +42,7 @@ const LAYOUTS = {
   skid_steer: (d) => at(FOUR, four(d), d),
   mecanum: (d) => at(FOUR, four(d), d, (i) => ({ roller: i === 0 || i === 3 ? Math.PI / 4 : -Math.PI / 4 })),
   omni: (d) => {
-    const places = ring(d.wheel_count ?? 3, d.robot_radius, d.wheel_offset ?? 0);
+    const places = ring(count(d), d.robot_radius, d.wheel_offset ?? 0);
     return at(numbered(places.length), places, d, (i) => ({
       heading: places[i][2] - Math.PI / 2,
       roller: 0,
@@ -50,7 +53,7 @@ const LAYOUTS = {
   tricycle: (d) => at(["front", "rear_left", "rear_right"], [[d.wheelbase, 0], ...axle(0, d)], d),
   ackermann: (d) => at(FOUR, [...axle(d.wheelbase, d), ...axle(0, d)], d),
   // The contract does not say where they stand, since it does not matter to the motion.
-  synchro: (d) => at(numbered(d.wheel_count ?? 3), ring(d.wheel_count ?? 3, 2.2 * d.wheel_radius), d),
+  synchro: (d) => at(numbered(count(d)), ring(count(d), 2.2 * d.wheel_radius), d),
   swerve: (d) =>
     at(
       d.modules.map((m) => m.name),

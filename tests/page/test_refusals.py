@@ -24,7 +24,7 @@ def test_a_field_error_stands_next_to_its_field_in_the_services_words(open_page)
     assert view.page.is_visible("[data-pointer='/environment/obstacles/4/vertices']")
     view.picture("fields")
     view.field("/robot/drive/track_width").fill("0.5")
-    assert view.page.locator(".error").count() == 0
+    assert view.page.locator("#setup .error").count() == 0
     assert view.page.is_hidden("#notice")
 
 
