@@ -20,6 +20,7 @@ from api import (
     routes_kinematics,
     routes_maps,
     routes_operations,
+    routes_page,
     routes_plans,
     routes_robots,
 )
@@ -45,9 +46,15 @@ from planner.problem import Problem as PlanProblem
 __all__ = ["create_app", "scheduler_of"]
 
 _ROUTES = (
-    routes_plans, routes_batches, routes_kinematics, routes_drives, routes_robots, routes_maps,
+    routes_plans,
+    routes_batches,
+    routes_kinematics,
+    routes_drives,
+    routes_robots,
+    routes_maps,
     routes_operations,
-)  # fmt: skip
+    routes_page,
+)
 
 
 def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:

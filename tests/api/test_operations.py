@@ -34,7 +34,8 @@ def test_the_codes_are_those_of_the_contract_and_those_of_http_and_of_the_stores
 @pytest.mark.parametrize(
     ("method", "path", "status", "code"),
     [
-        ("GET", "/", 404, "not-found"),
+        ("GET", "/nowhere", 404, "not-found"),
+        ("POST", "/", 405, "method-not-allowed"),
         ("GET", "/v2/plans", 404, "not-found"),
         ("GET", "/v1/maps/a/b", 404, "not-found"),
         ("GET", "/v1/plans", 405, "method-not-allowed"),
