@@ -327,7 +327,7 @@ def _nearest(
 
     def look(at: Array) -> Array:
         near = world.clearance(points(path, way, at)[:, :3])
-        return np.clip(np.nan_to_num(near, nan=-_SATURATED), -_SATURATED, _SATURATED)
+        return np.minimum(np.fmax(near, -_SATURATED), _SATURATED)  # no number: the lowest
 
     at = np.linspace(0.0, way[-1], 1 + math.ceil(way[-1] / _COARSE))
     near = look(at)
