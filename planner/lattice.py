@@ -100,21 +100,28 @@ def smooth(world: World, way: Array, enough: float) -> Array:
 
 
 @kernel
-def _node(
-    blocks: NDArray[np.int32], corners: list[tuple[int, int]], nodes: Array, i: int, j: int
-) -> tuple[int, Array]:
-    """Where node (i, j) is kept, and the nodes (n, 4): its block comes to be where it was not."""
-    block = blocks[j // _SIDE, i // _SIDE]
-    if block < 0:
-        block = len(corners)
-        blocks[j // _SIDE, i // _SIDE] = block
-        corners.append((i - i % _SIDE, j - j % _SIDE))
-        begin, end = block * _NODES, (block + 1) * _NODES
-        if end > len(nodes):
-            nodes = np.concatenate((nodes, np.empty_like(nodes)))
-        nodes[begin:end] = 0.0
-        nodes[begin:end, _COST] = np.inf
-    return block * _NODES + j % _SIDE * _SIDE + i % _SIDE, nodes
+def _node(blocks: NDArray[np.int32], i: int, j: int) -> int:
+    """Where node (i, j) is kept."""
+    return int(blocks[j // _SIDE, i // _SIDE]) * _NODES + j % _SIDE * _SIDE + i % _SIDE
+
+
+@kernel
+def _opened(
+    blocks: NDArray[np.int32], corners: list[tuple[int, int]], nodes: Array, i: int, j: int, beyond: int
+) -> Array:
+    """The nodes (n, 4) with all blocks that come within `beyond` nodes of (i, j)."""
+    rows, columns = blocks.shape
+    for row in range(max(j - beyond, 0) // _SIDE, min((j + beyond) // _SIDE + 1, rows)):
+        for column in range(max(i - beyond, 0) // _SIDE, min((i + beyond) // _SIDE + 1, columns)):
+            if blocks[row, column] < 0:
+                begin = len(corners) * _NODES
+                blocks[row, column] = len(corners)
+                corners.append((column * _SIDE, row * _SIDE))
+                if begin + _NODES > len(nodes):
+                    nodes = np.concatenate((nodes, np.empty_like(nodes)))
+                nodes[begin : begin + _NODES] = 0.0
+                nodes[begin : begin + _NODES, _COST] = np.inf
+    return nodes
 
 
 @kernel
@@ -172,13 +179,15 @@ def shortest(
     spread = max(1, int(most / spacing))
     for k in range(len(used)):
         ui, uj = int((used[k, 0] - ox) / spacing + 0.5), int((used[k, 1] - oy) / spacing + 0.5)
+        nodes = _opened(blocks, corners, nodes, ui, uj, spread)
         for a in range(max(ui - spread, 0), min(ui + spread + 1, width)):
             for b in range(max(uj - spread, 0), min(uj + spread + 1, height)):
-                near, nodes = _node(blocks, corners, nodes, a, b)
-                nodes[near, _PASSED] = 1.0
-    first, nodes = _node(blocks, corners, nodes, i0, j0)
+                nodes[_node(blocks, a, b), _PASSED] = 1.0
+    nodes = _opened(blocks, corners, nodes, i0, j0, 0)
+    first = _node(blocks, i0, j0)
     nodes[first, _COST], nodes[first, _PRICE] = 0.0, 1.0
     queue = [(math.hypot(gx - sx, gy - sy), first)]
+    diagonal = math.sqrt(2.0) * spacing
     x_min, y_min, x_max, y_max = sx, sy, sx, sy
     last = -1
     while len(queue) > 0 and work > 0:
@@ -194,9 +203,10 @@ def shortest(
         if (x - gx) ** 2 + (y - gy) ** 2 <= 2 * spacing * spacing:
             last = node
             break
+        nodes = _opened(blocks, corners, nodes, i, j, 1)
         for b in range(max(j - 1, 0), min(j + 2, height)):
             for a in range(max(i - 1, 0), min(i + 2, width)):
-                k, nodes = _node(blocks, corners, nodes, a, b)
+                k = _node(blocks, a, b)
                 px, py = ox + a * spacing, oy + b * spacing
                 if nodes[k, _PRICE] == 0.0:
                     passed = nodes[k, _PASSED] > 0.0
@@ -204,10 +214,12 @@ def shortest(
                 price = nodes[k, _PRICE]
                 if price < 0.0 or price == np.inf:
                     continue
-                cost = nodes[node, _COST] + math.hypot(px - x, py - y) * 0.5 * (mine + price)
+                step = spacing if a == i or b == j else diagonal
+                cost = nodes[node, _COST] + step * 0.5 * (mine + price)
                 if cost < nodes[k, _COST]:
                     nodes[k, _COST], nodes[k, _PARENT] = cost, node
-                    heapq.heappush(queue, (cost + haste * math.hypot(px - gx, py - gy), k))
+                    ahead = math.sqrt((px - gx) ** 2 + (py - gy) ** 2)
+                    heapq.heappush(queue, (cost + haste * ahead, k))
     box = (x_min, y_min, x_max, y_max)
     if last < 0:
         return np.empty((0, 2)), len(queue) == 0, box

@@ -46,8 +46,8 @@ __all__ = ["Separation", "separate"]
 
 _MAX_PAIRS = 2_000_000
 _TOLERANCE = 1e-6  # m: what is this close to fitting is taken to fit
-_SHARE = 0.5
-"""Spacing of the lattice over the disc's radius."""
+_SHARES = (2.0, 0.5)
+"""Spacings of lattices, tried in turn, over the disc's radius."""
 _HASTE = 10.0
 """How much heavier the way still to go weighs there than what is behind: any way will do."""
 _WORK_START, _WORK_STRAIGHT, _WORK_MAX = 1_000, 2.0, 64_000
@@ -134,11 +134,18 @@ def _proof(world: World, radius: float, x: float, y: float, width: float) -> Sep
 
 def _explored(world: World, reach: float, ends: list[Point]) -> tuple[bool, Box | None]:
     """Whether a disc of radius `reach` surely gets from one point to the other; if not, the box of all places
-    from which it cannot, as far as is known."""
-    spacing = _SHARE * reach
+    to which it gets from one of them, as far as is known."""
+    box = None
+    for share in _SHARES:
+        joined, box = _over_lattice(world, reach, share * reach, ends)
+        if joined:
+            break
+    return joined, box
+
+
+def _over_lattice(world: World, reach: float, spacing: float, ends: list[Point]) -> tuple[bool, Box | None]:
     # Between neighbours with so much room, the disc passes.
     least = math.hypot(reach, spacing / math.sqrt(2))
-    solids, field = int(world[SOLIDS]), int(world[FIELD])
     work = min(max(_WORK_START, int(_WORK_STRAIGHT * math.dist(*ends) / spacing)), _WORK_MAX)
     while work <= _WORK_MAX:
         for a, b in (ends, ends[::-1]):
@@ -146,14 +153,19 @@ def _explored(world: World, reach: float, ends: list[Point]) -> tuple[bool, Box 
                 world, a, b, least, least, spacing, False, np.empty((0, 2)), _HASTE, work
             )
             if len(way) > 0:
-                # The start and the goal themselves may have less.
-                legs = np.concatenate([way[:2], way[-2:]]).reshape(2, 4).tolist()
-                gaps = [edge_distance(world, solids, field, ax, ay, bx, by, reach) for ax, ay, bx, by in legs]
-                return min(gaps) >= reach, None
+                # The start and the goal themselves may have less room.
+                return _passes(world, way[:2], reach) and _passes(world, way[-2:], reach), None
             if whole:
                 return False, box
         work *= 4
     return False, None
+
+
+@kernel
+def _passes(world: World, leg: Array, reach: float) -> bool:
+    """Whether all of a leg (2, 2) keeps `reach` from the boundaries."""
+    solids, field = int(world[SOLIDS]), int(world[FIELD])
+    return edge_distance(world, solids, field, leg[0, 0], leg[0, 1], leg[1, 0], leg[1, 1], reach) >= reach
 
 
 @kernel
