@@ -1,17 +1,22 @@
-"""The command `wheelplan`: serve, plan one request without a server, list the drives."""
+"""The command `wheelplan`: serve, plan one request without a server, list the drives and the settings."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import tempfile
+import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from api.settings import Settings
 from api.strict_json import MalformedJson, read_json, write_json
+
+if TYPE_CHECKING:
+    from planner.plan import Plan
+    from planner.problem import Problem
 
 __all__ = ["main"]
 
@@ -22,15 +27,20 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         settings = Settings.from_environment()
+        if asked.command == "serve":
+            given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
+            settings = replace(settings, **given)
     except ValueError as error:
         parser.error(str(error))
     if asked.command == "serve":
-        given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
         from api.server import serve  # every command is quicker without what the others need
 
-        return serve(replace(settings, **given))
+        return serve(settings)
     if asked.command == "plan":
         return plan_file(asked, settings)
+    if asked.command == "settings":
+        _list_settings(settings)
+        return 0
     from api.routes_drives import catalogue
 
     _write(catalogue(), None)
@@ -49,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     plan_command.add_argument("-o", "--output", type=Path, help="where the plan goes (standard output)")
     plan_command.add_argument("--picture", type=Path, help="draw the plan to this file")
     commands.add_parser("drives", help="list the drives, with a JSON schema and an example each")
+    commands.add_parser("settings", help="list the settings: environment variable, value, default, meaning")
     return parser
 
 
@@ -72,7 +83,7 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
                 with suppress(AttributeError):  # what is no object, validation names below
                     request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
             problem = to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
-            plan = read_json(write_json(plan_document(problem)))
+            plan = read_json(write_json(plan_document(problem, _best_so_far(problem))))
         except MalformedJson as error:
             return _refuse(problem_document(Refusal("malformed-json", str(error))))
         except (Refusal, PlanningError) as error:
@@ -86,6 +97,34 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
 
             draw_plan(request, plan, asked.picture, asked.map)
     return 0
+
+
+def _list_settings(settings: Settings) -> None:
+    rows = [("variable", "value", "default", "meaning"), *settings.table()]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    for *cells, meaning in rows:
+        print(*(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)), meaning, sep="  ")
+
+
+def _best_so_far(problem: Problem) -> Plan:
+    """The plan. At effort best each better one on the way is told of; an interrupt ends the work with it."""
+    from api.planning import make_plan
+
+    began = time.perf_counter()
+    best: Plan | None = None
+
+    def improved(better: Plan) -> None:
+        nonlocal best
+        best = better
+        elapsed = time.perf_counter() - began
+        print(f"after {elapsed:.2f} s: a motion of {better.duration:.3f} s", file=sys.stderr)
+
+    try:
+        return make_plan(problem, improved)
+    except KeyboardInterrupt:
+        if best is None:
+            raise
+        return best
 
 
 def _write(document: Any, to: Path | None) -> None:

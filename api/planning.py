@@ -5,51 +5,102 @@ from __future__ import annotations
 import gzip
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import asdict, fields
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from api.errors import Refusal
 from api.strict_json import write_json
+from api.workers import report
 from drives.se2 import Array
 from planner.errors import AuditFailed
 from planner.problem import Problem
 
-__all__ = ["Answer", "MediaType", "answer_plan", "plan_document"]
+if TYPE_CHECKING:
+    from planner.plan import Plan
+
+__all__ = [
+    "Answer", "MediaType", "answer_plan", "duration_ratio", "make_plan", "plan_document",
+    "server_sent_event", "stream_plan",
+]  # fmt: skip
 
 MediaType = Literal["application/json", "text/csv"]
 
 
 class Answer(NamedTuple):
-    """The body of a response, and the seconds that planning took."""
+    """The body of a response; the seconds that planning took, the planner that found the way, and how near
+    the motion is to the shortest (see duration_ratio)."""
 
     body: bytes
     seconds: float
+    planner: str
+    duration_ratio: float
 
 
 def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answer:
     """Plans. Raises PlanningError, and Refusal where the map has been deleted meanwhile."""
     began = time.perf_counter()
-    document = plan_document(problem)
+    made = make_plan(problem)
+    document = plan_document(problem, made)
     seconds = time.perf_counter() - began
     body = _csv(document) if media_type == "text/csv" else write_json(document)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
-    return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
+    return _answer(problem, made, gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 
 
-def plan_document(problem: Problem) -> dict[str, Any]:
-    """The contract's answer to a problem; its arrays are numpy's."""
-    # Only workers need the planner, and it takes seconds to import.
+def stream_plan(problem: Problem) -> Answer:
+    """Plans, and reports each better plan on the way as a server-sent event; the last event is the answer."""
+    began = time.perf_counter()
+
+    def event(made: Plan, final: bool) -> bytes:
+        elapsed = time.perf_counter() - began
+        data = {"plan": plan_document(problem, made), "elapsed": elapsed, "final": final}
+        return server_sent_event("plan", data)
+
+    made = make_plan(problem, lambda better: report(event(better, final=False)))
+    seconds = time.perf_counter() - began
+    return _answer(problem, made, event(made, final=True), seconds)
+
+
+def _answer(problem: Problem, made: Plan, body: bytes, seconds: float) -> Answer:
+    return Answer(body, seconds, made.planning["planner"], duration_ratio(problem, made))
+
+
+def duration_ratio(problem: Problem, made: Plan) -> float:
+    """The motion's duration over the least time in which its busiest wheel could turn as far, from rest to
+    rest within its limits on speed and acceleration. At 1 no motion along this path is shorter."""
+    limits = problem.robot.limits
+    turned = np.abs(np.diff(made.schedule.wheel_angle, axis=0)).sum(0)
+    speed, acceleration = limits.wheel_speed, limits.wheel_acceleration
+    reaches_speed = turned * acceleration > speed**2
+    cruising = turned / speed + speed / acceleration
+    least = np.where(reaches_speed, cruising, 2 * np.sqrt(turned / acceleration)).max()
+    return float(made.duration / least) if least > 0 else 1.0
+
+
+def server_sent_event(name: str, data: Any) -> bytes:
+    """The bytes of an event whose data is JSON."""
+    return b"event: %s\ndata: %s\n\n" % (name.encode(), write_json(data))
+
+
+def make_plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Plan:
+    """planner.plan.plan, which only workers import: it takes seconds. Raises PlanningError, and Refusal where
+    the map has been deleted meanwhile."""
     from planner.plan import plan
 
     layer = problem.environment.map
     try:
-        made = plan(problem)
+        return plan(problem, improved)
     except FileNotFoundError:
         if layer is not None and not layer.directory.exists():
             raise Refusal("unknown-map", f"The map {layer.id} has been deleted.") from None
         raise
+
+
+def plan_document(problem: Problem, made: Plan) -> dict[str, Any]:
+    """The contract's answer to a problem; its arrays are numpy's. Raises AuditFailed."""
     drive, schedule = problem.robot.drive, made.schedule
     # JSON has no infinity, and orjson would write null without a word.
     scalars = np.array([made.duration, made.length, *asdict(made.certificate).values()])

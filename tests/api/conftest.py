@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import copy
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -42,15 +43,26 @@ BODY: dict[str, Any] = {
 class InlinePool(Pool):
     """Runs every job in a thread of this process."""
 
-    def __init__(self) -> None:
-        super().__init__(1, 1)
+    def __init__(self, size: int = 1) -> None:
+        super().__init__(size, 1)
         self._started = True
+        self.busy = 0
+
+    @property
+    def spare(self) -> int:
+        return self.size - self.busy
 
     def start(self) -> None:
         pass
 
-    async def run(self, function: Callable[..., Any], *args: Any, deadline: float) -> Any:
-        return await asyncio.to_thread(function, *args)
+    async def run(self, function: Callable[..., Any], *args: Any, **how: Any) -> Any:
+        loop, progress = asyncio.get_running_loop(), how.get("progress")
+        self.busy += 1
+        try:
+            with patch("api.planning.report", lambda value: loop.call_soon_threadsafe(progress, value)):
+                return await asyncio.to_thread(function, *args)
+        finally:
+            self.busy -= 1
 
 
 class FakePlanner:
@@ -60,18 +72,26 @@ class FakePlanner:
         self.problem: Problem | None = None
         self.raises: BaseException | None = None
         self.duration = 0.04
+        self.before: list[float] = []
+        """Durations of the plans that it tells of on the way."""
 
-    def __call__(self, problem: Problem) -> Plan:
+    def __call__(self, problem: Problem, improved: Callable[[Plan], None] | None = None) -> Plan:
         self.problem = problem
+        for duration in self.before:
+            assert improved is not None
+            improved(self.made(duration))
         if self.raises is not None:
             raise self.raises
+        return self.made(self.duration)
+
+    def made(self, duration: float) -> Plan:
+        assert self.problem is not None
+        problem = self.problem
         m, k = len(problem.robot.drive.wheel_names), len(problem.robot.drive.steered_names)
         columns = [np.arange(3.0 * n).reshape(3, n) + n / 10 for n in (m, m, m, k, k, 3, 3)]
         schedule = WheelSchedule(np.array([0.0, 0.02, 0.04]), *columns)
         certificate = Certificate(**{field.name: 0.0 for field in fields(Certificate)})
-        return Plan(
-            self.duration, 0.1, schedule, certificate, {"planner": "fake", "seed": problem.options.seed}
-        )
+        return Plan(duration, 0.1, schedule, certificate, {"planner": "fake", "seed": problem.options.seed})
 
 
 @pytest.fixture
@@ -87,6 +107,18 @@ def settings(tmp_path: Path) -> Settings:
     return Settings(
         data_dir=tmp_path, max_body_bytes=200_000, max_map_bytes=100_000, max_map_cells=10_000, max_maps=3
     )
+
+
+@pytest.fixture
+def inline_app(settings: Settings, planner_: FakePlanner) -> Callable[..., Any]:
+    """A client of an application with other settings, and `size` workers."""
+    from starlette.testclient import TestClient
+
+    def made(size: int = 1, **changes: Any) -> TestClient:
+        app = create_app(replace(settings, **changes), InlinePool(size))
+        return TestClient(app, raise_server_exceptions=False)
+
+    return made
 
 
 @pytest.fixture
