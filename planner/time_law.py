@@ -1,9 +1,10 @@
-"""Path → Trajectory: when to be where, as fast as the wheels allow. The only file that imports ruckig.
+"""Path → Trajectory: when to be where, as fast as the wheels allow. The only file that imports toppra and
+ruckig.
 
 Everything happens in actuator space (see drives.drive). Along one piece, with w(s), w′(s) of every wheel
-and δ′(s) of every steered one, the limits are linear in (s̈, ṡ²), which is what TOPP-RA solves (Pham and
+and δ′(s) of every steered one, the limits are linear in (s̈, ṡ²), which is what TOPPRA solves (Pham and
 Pham, 2018). Where w is constant they do not depend on s at all, and Ruckig's state-to-state law is exact,
-jerk included (Berscheid and Kröger, 2021). Where it is not and jerk is limited, TOPP-RA's law is smoothed;
+jerk included (Berscheid and Kröger, 2021). Where it is not and jerk is limited, TOPPRA's law is smoothed;
 planner.retime finds a faster one. Between pieces the robot is at rest; there the steered wheels are turned
 to where the next piece needs them.
 """
@@ -15,6 +16,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import ruckig
+from toppra.constraint import DiscretizationType, LinearConstraint
+from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
+from toppra.interpolator import AbstractGeometricPath
+from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
 from drives.se2 import Array, Pose
@@ -28,8 +33,9 @@ __all__ = ["cruising_speed", "duration_estimate", "time_path"]
 
 _GRID_START, _GRID_SWINGING, _GRID_MAX = 48, 96, 3000
 """Intervals to begin with, those where wheels trail, and points at most."""
-_FASTEST = 1e12
-"""How much larger than anywhere else ṡ² may be where no rate limits it."""
+_TINY, _RELATIVE, _TRIES = 1e-8, 1e-4, 10
+"""By how much ṡ² is kept below what TOPPRA finds controllable, the smaller of absolute and relative, and how
+often it is lowered by ten times that where rounding has made a step infeasible."""
 _BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
 _STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
 """Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
@@ -141,14 +147,12 @@ def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: 
 
 def _sharp(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
     """The fastest s(t) from rest at 0 to rest at 1, but for jerk."""
-    h = np.diff(grid)
-    rate = np.sqrt(_controlled(h, a, b, np.minimum(x_max, _FASTEST * x_max.min())))
-    mean = (rate[:-1] + rate[1:]) / 2
-    if not (mean > 0).all():
-        raise LimitsInfeasible("the acceleration limits do not allow the path")
-    acceleration = np.diff(rate**2) / (2 * h)
-    time = np.concatenate([[0.0], np.cumsum(h / mean)])
-    return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
+    for scheme in (DiscretizationType.Interpolation, DiscretizationType.Collocation):
+        found = _toppra(grid, a, b, x_max, scheme)
+        if found is not None:
+            return found
+    # Where the law is too steep for TOPPRA's own tolerances.
+    return _bounded(a, b, x_max)
 
 
 def _halved(knots: Array) -> Array:
@@ -255,55 +259,87 @@ def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
     )  # fmt: skip
 
 
-@kernel
-def _controlled(h: Array, a: Array, b: Array, x_max: Array) -> Array:
-    """The largest ṡ² (n,) from rest to rest under the rows a, b (n, r) and x_max (n,), s̈ constant on each of
-    the intervals h (n - 1,) of s: the two passes of TOPP-RA (Pham and Pham, 2018, algorithm 1).
+class _Samples(AbstractGeometricPath):  # type: ignore[misc]
+    """What TOPPRA wants to know of a path whose constraints are already sampled: its interval."""
 
-    Each row keeps u = s̈ between two parallel lines over x = ṡ², and so does what x may be where the interval
-    ends. As rest can be kept, u = 0 and x = 0 are allowed: so is every x up to the first at which two lines
-    leave no u between them.
-    """
-    n = len(x_max)
-    most, x = np.zeros(n), np.zeros(n)
-    p, q = np.empty(2 * a.shape[1]), np.empty(2 * a.shape[1])
-    for i in range(n - 2, -1, -1):
-        lines, best = _lines(h, a, b, i, p, q)
-        best = min(best, x_max[i])
-        # The next x is x + 2·h·u.
-        slope = 0.5 / h[i]
-        for k in range(lines):
-            for j in range(k):
-                if abs(q[k] - q[j]) * best > p[k] + p[j]:
-                    best = (p[k] + p[j]) / abs(q[k] - q[j])
-            if (q[k] - slope) * best > p[k]:
-                best = p[k] / (q[k] - slope)
-            if (slope - q[k]) * best > p[k] + slope * most[i + 1]:
-                best = (p[k] + slope * most[i + 1]) / (slope - q[k])
-        most[i] = best
-    for i in range(n - 1):
-        lines, _ = _lines(h, a, b, i, p, q)
-        u = (most[i + 1] - x[i]) / (2 * h[i])
-        for k in range(lines):
-            u = min(u, p[k] - q[k] * x[i])
-        x[i + 1] = max(0.0, x[i] + 2 * h[i] * u)
+    dof = 1
+    path_interval = np.array([0.0, 1.0])
+
+    def __call__(self, points: Array, order: int = 0) -> Array:
+        return points if order == 0 else np.full_like(points, float(order == 1))
+
+
+class _ActuatorConstraint(LinearConstraint):  # type: ignore[misc]
+    """|a·u + b·x| <= 1 and 0 <= x <= x_max at the grid points, with u = s̈ and x = ṡ²."""
+
+    def __init__(self, a: Array, b: Array, x_max: Array, scheme: DiscretizationType) -> None:
+        super().__init__()
+        self.a, self.b, self.x_max = a, b, x_max
+        self.identical = True
+        self.set_discretization_type(scheme)
+
+    def compute_constraint_params(
+        self, path: AbstractGeometricPath, gridpoints: Array, *_: object
+    ) -> tuple[object, ...]:
+        rows = self.a.shape[1]
+        identity = np.eye(rows)
+        x_bound = np.column_stack([np.zeros_like(self.x_max), self.x_max])
+        a, b, c = self.a, self.b, np.zeros_like(self.a)
+        f, g = np.vstack([identity, -identity]), np.ones(2 * rows)
+        if self.get_discretization_type() == DiscretizationType.Interpolation:
+            a, b, c, f, g, _, _ = canlinear_colloc_to_interpolate(
+                a, b, c, f, g, None, None, gridpoints, identical=True
+            )
+        return a, b, c, f, g, None, x_bound
+
+
+def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: DiscretizationType) -> Profile | None:
+    # In a unit of time near the answer: TOPPRA's tolerances are absolute.
+    used = np.abs(a).max(0) > 1e-9
+    unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
+    rows = _ActuatorConstraint(
+        a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6), scheme
+    )
+    rate = np.sqrt(_controlled(rows, grid))
+    if not np.isfinite(rate).all():
+        return None
+    rate /= unit
+    mean = (rate[:-1] + rate[1:]) / 2
+    if (mean <= 0).any():
+        return None
+    h = np.diff(grid)
+    acceleration = (rate[1:] ** 2 - rate[:-1] ** 2) / (2 * h)
+    time = np.concatenate([[0.0], np.cumsum(h / mean)])
+    return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
+
+
+def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
+    """The largest ṡ² (n,) from rest to rest, nan if there is none: TOPPRA's two passes (Pham and Pham, 2018,
+    algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable."""
+    solver = seidelWrapper([rows], _Samples(), grid)
+    solver.setup_solver()
+    solve, last = solver.solve_stagewise_optim, len(grid) - 1
+    x = np.full(len(grid), np.nan)
+    most = [0.0] * len(grid)
+    upwards = np.array([1e-9, -1.0])
+    for i in range(last - 1, -1, -1):
+        most[i] = float(solve(i, None, upwards, math.nan, math.nan, 0.0, most[i + 1])[1])
+        if math.isnan(most[i]):
+            return x
+        most[i] = max(most[i], 0.0)
+    ahead = np.column_stack([-2 * np.diff(grid), np.full(last, -1.0)])
+    double = (2 * np.diff(grid)).tolist()
+    x[0] = at = 0.0
+    for i in range(last):
+        for _ in range(_TRIES):
+            u = float(solve(i, None, ahead[i], at, at, 0.0, most[i + 1])[0])
+            if not math.isnan(u):
+                break
+            x[i] = at = max(at - _TINY, (1 - 10 * _RELATIVE) * at)
+        at += double[i] * u
+        x[i + 1] = at = min(most[i + 1], max(0.0, at - _TINY, (1 - _RELATIVE) * at))
+    solver.close_solver()
     return x
-
-
-@kernel
-def _lines(h: Array, a: Array, b: Array, i: int, p: Array, q: Array) -> tuple[int, float]:
-    """How many lines |u + q·x| <= p are all that the rows say over interval i, at both of its ends, and the
-    largest x by those that say nothing of u."""
-    lines, most = 0, np.inf
-    for k in range(a.shape[1]):
-        for end in range(2):
-            along, across = a[i + end, k] + end * 2 * h[i] * b[i + end, k], b[i + end, k]
-            if along != 0.0:
-                p[lines], q[lines] = 1 / abs(along), across / along
-                lines += 1
-            elif across != 0.0:
-                most = min(most, 1 / abs(across))
-    return lines, most
 
 
 def _smoothed(sharp: Profile, spacing: float) -> Profile:
@@ -322,3 +358,15 @@ def _smoothed(sharp: Profile, spacing: float) -> Profile:
         h * np.arange(len(three) + 1.0), (s[:-3] + 4 * s[1:-2] + s[2:-1]) / 6,
         (one[:-2] + one[1:-1]) / (2 * h), two[:-1] / h**2, three / h**3,
     )  # fmt: skip
+
+
+def _bounded(a: Array, b: Array, x_max: Array) -> Profile:
+    """Ruckig's law under bounds on ṡ and s̈ that hold for all s at once: valid, not fastest."""
+    v = math.sqrt(x_max.min()) * np.geomspace(0.02, 1.0, 60)
+    acceleration = (1 - np.abs(b).max() * v**2) / np.abs(a).max()
+    v, acceleration = v[acceleration > 0], acceleration[acceleration > 0]
+    if len(v) == 0:
+        raise LimitsInfeasible("the acceleration limits do not allow the path")
+    # Rest to rest over a unit of s: cruise and ramps, or what a short move needs.
+    best = np.argmin(np.maximum(1 / v, np.sqrt(4 / acceleration)) + v / acceleration)
+    return _ruckig(float(v[best]), float(acceleration[best]), math.inf)

@@ -73,6 +73,7 @@ def test_the_sources_are_here() -> None:
     ("library", "modules"),
     [
         ("ompl", {"planner.search"}),
+        ("toppra", {"planner.time_law"}),
         ("ruckig", {"planner.time_law"}),
         ("casadi", {"planner.optimal_control", "planner.retime"}),
     ],
