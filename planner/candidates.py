@@ -131,7 +131,7 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
         if planner != "direct":
             if count and watch.is_over():
                 break
-            path = shorten(path, local)
+            path = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)

@@ -9,22 +9,22 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
 from drives.se2 import Array, Pose, wrap
-from planner.edges import curve_free, lines_free, pivot_free, pivots_free, quickest_words, words_free
+from planner.edges import curve_free, motions_free, pivot_free, quickest_words
 from planner.environment import CollisionWorld, linear_free
-from planner.path import LinePiece, Path, Piece, TwistPiece, arc, merge, pivot
+from planner.estimate import pace, step_durations
+from planner.path import LinePiece, Path, as_path, as_steps
 from planner.problem import Options, Robot
-from planner.time_law import duration_estimate
 
 __all__ = [
     "Connector",
@@ -43,6 +43,10 @@ meanwhile, roughly."""
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
+_WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
+"""How many curves are as many as may be of use, and of which turning radii they are tried before any search,
+in units of the connector's."""
+
 _ALL = slice(None)
 
 _NOTHING = 1e-9
@@ -59,15 +63,30 @@ def is_path_free(world: CollisionWorld, path: Path) -> bool:
     )
 
 
-class Motions(NamedTuple):
-    """Several ways to join each of n pairs of poses: times (n, ways) s, estimated, inf where there is no such
-    way; heads (n, ways, 2), whether they begin and end forwards (> 0), backwards (< 0) or neither;
-    free(pairs, ways), whether those of two slices (default: all) are; path(pair, way), the motion itself."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Motions:
+    """Several ways to join each of n pairs of poses.
 
+    start (n, 3): the first of each pair. times (n, ways) s, estimated, inf where there is no such way. steps
+    (n, ways, k, 3): what is driven in turn, twists held for unit time or, where `straight`, displacements in
+    the world; those of zero are none.
+    """
+
+    world: CollisionWorld
+    start: Array
     times: Array
-    heads: Array
-    free: Callable[..., NDArray[np.bool_]]
-    path: Callable[[int, int], Path]
+    steps: Array
+    straight: bool = False
+
+    def free(self, pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
+        """Whether those of two slices are free."""
+        steps = self.steps[pairs, ways]
+        free: NDArray[np.bool_] = motions_free(self.world.kernel, self.start[pairs], steps, self.straight)
+        return free
+
+    def path(self, pair: int, way: int) -> Path:
+        """The motion itself."""
+        return as_path(self.start[pair], self.steps[pair, way], self.straight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +118,9 @@ class Connector(ABC):
         return np.zeros(0)
 
     @abstractmethod
-    def motions(self, a: Array, b: Array) -> Motions:
-        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π."""
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
+        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π; of curves, so many of the
+        quickest."""
 
     @abstractmethod
     def edge_free(self, a: Pose, b: Pose) -> bool:
@@ -113,9 +133,10 @@ class Connector(ABC):
     def connect(self, a: Pose, b: Pose) -> Path | None:
         """The quickest free motion from a to b, or None."""
         motions = self.motions(np.array([a]), np.array([b]))
-        times = np.where(motions.free(), motions.times, np.inf)[0]
-        way = int(np.argmin(times))
-        return motions.path(0, way) if times[way] < np.inf else None
+        for way in np.argsort(motions.times[0], kind="stable").tolist():
+            if motions.times[0, way] < np.inf and motions.free(_ALL, slice(way, way + 1))[0, 0]:
+                return motions.path(0, way)
+        return None
 
     @cached_property
     def reversal(self) -> float:
@@ -123,19 +144,21 @@ class Connector(ABC):
         limits = self.robot.limits
         return float((limits.wheel_speed / limits.wheel_acceleration).max()) if self.flows else 0.0
 
-    def durations(self, path: Path) -> Array:
-        """Estimates (n,) s of the time that each piece of a path takes."""
-        s = np.linspace(0.0, 1.0, 5)
-        return self._rest_to_rest(np.array([piece.body_path(s).tangent for piece in path]).reshape(-1, 5, 3))
+    def durations(self, start: Array, steps: Array) -> Array:
+        """Estimates (n,) s of the time that steps (n, 3), those of Motions, take from poses start (n, 3)."""
+        found: Array = step_durations(self._pace, start, steps, not self.steers, self.flows)
+        return found
 
     def duration(self, path: Path) -> float:
         """Estimate (s) of the time that a path takes."""
-        way = [np.sign(p.twist.vx) for p in path if isinstance(p, TwistPiece) and p.twist.vx != 0]
+        start, steps, _ = as_steps(path)
+        way = np.sign(steps[:, 0])[steps[:, 0] != 0] if self.steers else np.zeros(0)
         reversals = np.count_nonzero(np.diff(way)) * self.reversal
-        return float(self.durations(path).sum()) + reversals + self._steering_time(path)
+        return float(self.durations(start, steps).sum()) + reversals + self._steering_time(path)
 
-    def _rest_to_rest(self, tangents: Array) -> Array:
-        return duration_estimate(self.robot.drive, self.robot.limits, tangents, self.flows)
+    @cached_property
+    def _pace(self) -> Array:
+        return pace(self.robot.drive, self.robot.limits)
 
     def _steering_time(self, path: Path) -> float:
         return 0.0
@@ -144,8 +167,8 @@ class Connector(ABC):
         """Largest speed and acceleration (k,) along constant unit twists: per second and second², of the
         unit."""
         # Rest to rest over a way so short, and so long, that only one of them counts.
-        unit = np.array(twists, dtype=np.float64)[:, None, :]
-        short, long = self._rest_to_rest(unit * 1e-6), self._rest_to_rest(unit * 1e9)
+        unit = np.array(twists)
+        short, long = (self.durations(np.zeros_like(unit), unit * scale) for scale in (1e-6, 1e9))
         return 1e9 / long, np.full_like(long, np.inf) if self.flows else 4e-6 / short**2
 
 
@@ -157,22 +180,10 @@ class LineConnector(Connector):
     def steers(self) -> bool:
         return False
 
-    def motions(self, a: Array, b: Array) -> Motions:
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
         step = b - a
         step[:, 2] = math.pi - (math.pi - step[:, 2]) % math.tau
-        heading = a[:, 2:] + step[:, 2:] * np.linspace(0.0, 1.0, 5)
-        c, d = np.cos(heading), np.sin(heading)
-        dx, dy = step[:, :1], step[:, 1:2]
-        tangents = np.stack([c * dx + d * dy, c * dy - d * dx, np.broadcast_to(step[:, 2:], c.shape)], -1)
-
-        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
-            found: NDArray[np.bool_] = lines_free(self.world.kernel, a[pairs], step[pairs])[:, None]
-            return found
-
-        def path(pair: int, _: int) -> Path:
-            return merge([LinePiece(Pose(*a[pair].tolist()), Pose(*(a[pair] + step[pair]).tolist()))])
-
-        return Motions(self._rest_to_rest(tangents)[:, None], np.zeros((len(a), 1, 2)), free, path)
+        return Motions(self.world, a, self.durations(a, step)[:, None], step[:, None, None], straight=True)
 
     @property
     def fast_directions(self) -> Array:
@@ -187,7 +198,8 @@ class LineConnector(Connector):
         speeds there (m/s), and that of turning (rad/s)."""
         course = np.linspace(0.0, math.tau, _COURSES, endpoint=False)
         twists = np.stack([np.cos(course), np.sin(course), np.zeros(_COURSES)], -1)
-        *speeds, turning = 1 / self._rest_to_rest(np.vstack([twists, [0.0, 0.0, 1.0]])[:, None])
+        twists = np.vstack([twists, [0.0, 0.0, 1.0]])
+        *speeds, turning = 1 / self.durations(np.zeros_like(twists), twists)
         speed = np.array(speeds)
         peaks = (speed > np.roll(speed, 1) * (1 + _FLAT)) & (speed >= np.roll(speed, -1) * (1 + _FLAT))
         return course[peaks], speed[peaks], float(turning)
@@ -195,34 +207,21 @@ class LineConnector(Connector):
     def _rides(self, a: Array, b: Array) -> Motions:
         """Straight ways in a fast direction: turned into on the way, and out of again."""
         directions, speeds, turning = self._fast
-        shape = (len(a), len(directions))
-        paths: dict[tuple[int, int], Path] = {}
-        for pair, way in np.ndindex(shape):
-            step = b[pair] - a[pair]
-            distance = math.hypot(step[0], step[1])
-            ride = math.atan2(step[1], step[0]) - directions[way]
-            first, last = wrap(ride - a[pair, 2]), wrap(b[pair, 2] - ride)
-            needed = np.abs([first, last]) / turning * speeds[way]
-            if distance > needed.sum():
-                share = needed / distance
-                heading = a[pair, 2] + np.array([0.0, first, first, first + last])
-                along = np.array([0.0, share[0], 1 - share[1], 1.0])
-                poses = np.column_stack([a[pair, :2] + np.outer(along, step[:2]), heading]).tolist()
-                paths[pair, way] = merge(LinePiece(Pose(*p), Pose(*q)) for p, q in pairwise(poses))
-        times = np.full(shape, np.inf)
-        for key, path in paths.items():
-            times[key] = self.duration(path)
-
-        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
-            asked = np.zeros(shape, dtype=np.bool_)
-            asked[pairs, ways] = True
-            found = [
-                asked[key] and key in paths and is_path_free(self.world, paths[key])
-                for key in np.ndindex(shape)
-            ]
-            return np.array(found, dtype=np.bool_).reshape(shape)[pairs, ways]
-
-        return Motions(times, np.zeros((*shape, 2)), free, lambda pair, way: paths[pair, way])
+        way = (b - a)[:, None, :2]
+        ride = np.arctan2(way[..., 1], way[..., 0]) - directions
+        first, last = _wrapped(ride - a[:, 2:]), _wrapped(b[:, 2:] - ride)
+        turns = np.stack([first, np.zeros_like(first), last], -1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            needed = np.abs(turns) / turning * speeds[:, None]
+            shares = needed / np.hypot(way[..., 0], way[..., 1])[..., None]
+        fits = shares.sum(-1) < 1.0
+        shares[..., 1] = 1.0 - shares.sum(-1)
+        steps = np.concatenate([shares[..., None] * way[..., None, :], turns[..., None]], -1)
+        steps[~fits] = 0.0
+        start = np.zeros_like(steps)
+        start[..., 2] = a[:, 2, None, None] + np.cumsum(turns, -1) - turns
+        times = self.durations(start.reshape(-1, 3), steps.reshape(-1, 3)).reshape(turns.shape).sum(-1)
+        return Motions(self.world, a, np.where(fits, times, np.inf), steps, straight=True)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(linear_free(self.world.kernel, *a, b.x, b.y, a.theta + wrap(b.theta - a.theta)))
@@ -233,16 +232,15 @@ class PivotConnector(Connector):
     """Unicycle: turn on the spot towards the goal, drive straight, turn on the spot. Forwards or
     backwards."""
 
-    def _rest_to_rest(self, tangents: Array) -> Array:
-        times = super()._rest_to_rest(tangents)
-        on_the_spot = ~tangents[..., :2].any((1, 2))
-        return np.where(on_the_spot & self.flows, _OVERLAPPING * times, times)
+    def durations(self, start: Array, steps: Array) -> Array:
+        times = super().durations(start, steps)
+        return np.where(~steps[:, :2].any(1) & self.flows, _OVERLAPPING * times, times)
 
     @cached_property
     def _limits(self) -> tuple[Array, Array]:
         return self._constant((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
-    def motions(self, a: Array, b: Array) -> Motions:
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
         step = b - a
         distance = np.hypot(step[:, 0], step[:, 1])
         sign = np.array([1.0, -1.0]) if self.reverse else np.array([1.0])
@@ -255,26 +253,9 @@ class PivotConnector(Connector):
             + _rest_to_rest(np.abs(last), spin, swing)
         )  # fmt: skip
 
-        ahead = np.outer(distance, sign)
-
-        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
-            found: NDArray[np.bool_] = pivots_free(
-                self.world.kernel, a[pairs], *(part[pairs, ways] for part in (first, ahead, last))
-            )
-            return found
-
-        def path(pair: int, way: int) -> Path:
-            begin, end = Pose(*a[pair].tolist()), b[pair].tolist()
-            aligned = Pose(begin.x, begin.y, begin.theta + float(first[pair, way]))
-            there = Pose(end[0], end[1], aligned.theta)
-            return merge([
-                pivot(begin, float(first[pair, way])),
-                arc(aligned, 0.0, float(sign[way] * distance[pair])),
-                pivot(there, float(last[pair, way])),
-            ])  # fmt: skip
-
-        heads = np.broadcast_to(sign[:, None] * (distance > _NOTHING)[:, None, None], (len(a), len(sign), 2))
-        return Motions(times, heads, free, path)
+        steps = np.zeros((*first.shape, 3, 3))
+        steps[..., 0, 2], steps[..., 1, 0], steps[..., 2, 2] = first, np.outer(distance, sign), last
+        return Motions(self.world, a, times, steps)
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(pivot_free(self.world.kernel, *a, *b, self.reverse))
@@ -283,8 +264,6 @@ class PivotConnector(Connector):
 @dataclass(frozen=True, eq=False)
 class CurveConnector(Connector):
     """Car: Reeds–Shepp words of the turning radius, or Dubins words where it must not reverse."""
-
-    ways: int = 4
 
     @property
     def state_space(self) -> Literal["SE2", "ReedsShepp", "Dubins"]:
@@ -301,38 +280,20 @@ class CurveConnector(Connector):
         )
         return speed, push
 
-    def motions(self, a: Array, b: Array) -> Motions:
-        return self._words(a, b, 0, self.ways)
+    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
+        return self._words(a, b, 0, ways)
 
     def _words(self, a: Array, b: Array, k: int, ways: int) -> Motions:
         """The quickest words of _SCALES[k] times the turning radius."""
         radius, (speed, push) = _SCALES[k] * self.turning_radius, self._limits
         steering = abs(self._steering_angle(1 / radius)) * self._steering_slowness
-        times, curvature, length = quickest_words(
+        times, steps = quickest_words(
             a, b, radius, self.reverse, speed[k], push[k], steering, self.reversal, ways
         )
-        first = np.argmax(length != 0, -1)
-        last = length.shape[-1] - 1 - np.argmax(length[..., ::-1] != 0, -1)
-        heads = np.sign(np.take_along_axis(length, np.stack([first, last], -1), -1))
-
-        def free(pairs: slice = _ALL, ways: slice = _ALL) -> NDArray[np.bool_]:
-            found: NDArray[np.bool_] = words_free(
-                self.world.kernel, a[pairs], curvature[pairs, ways], length[pairs, ways]
-            )
-            return found
-
-        def path(pair: int, way: int) -> Path:
-            pieces: list[Piece] = []
-            pose = Pose(*a[pair].tolist())
-            for k, ell in zip(curvature[pair, way].tolist(), length[pair, way].tolist(), strict=True):
-                pieces.append(arc(pose, k, ell))
-                pose = pieces[-1].end
-            return merge(pieces)
-
-        return Motions(times, heads, free, path)
+        return Motions(self.world, a, times, steps)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [self._words(a, b, k, _DIRECT_WAYS) for k in range(len(_SCALES))]
+        return [self._words(a, b, k, _WAYS) for k in range(len(_SCALES))]
 
     def edge_free(self, a: Pose, b: Pose) -> bool:
         return bool(curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
@@ -354,11 +315,6 @@ class CurveConnector(Connector):
     def _steering_time(self, path: Path) -> float:
         angles = [self._steering_angle(p.turn / p.twist.vx) for p in path if not isinstance(p, LinePiece)]
         return math.fsum(abs(b - a) for a, b in pairwise(angles)) * self._steering_slowness
-
-
-_DIRECT_WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
-"""Words tried before any search: how many of each turning radius, and of which, in units of the
-connector's."""
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:

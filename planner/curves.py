@@ -80,7 +80,7 @@ _ROWS = np.array(
     + [(base, *swap, 1) for base in range(_LRL, _LRL_LONG) for swap in _SWAPS]
     + [(base, *swap, -1) for base in (_LRBL, _LRSL, _LRSR) for swap in _SWAPS]
 )
-_DUBINS_END, _RS_START, _RS_END = 6, 2, len(_ROWS)
+DUBINS, DUBINS_END, REEDS_SHEPP, REEDS_SHEPP_END, SEGMENTS = 0, 6, 2, len(_ROWS), 5
 
 # Of every row's segments the curvature, (50, 5), and the length's coefficients of t, u, v, π/2, (50, 5, 4).
 _CURVATURE, _COEFFICIENT = np.zeros((len(_ROWS), 5)), np.zeros((len(_ROWS), 5, 4))
@@ -127,7 +127,7 @@ def _acos(cosine: float) -> float:
 
 
 @_kernel
-def _solve(
+def solve_word(
     row: int, x: float, y: float, phi: float, s: float, c: float, bound: float
 ) -> tuple[float, float, float, float]:
     """(length, t, u, v) of a word, s and c being sin and cos of phi; length inf where none is below bound."""
@@ -187,17 +187,21 @@ def _solve(
 
 
 @_kernel
-def _segment_length(row: int, i: int, t: float, u: float, v: float) -> float:
+def word_segment(row: int, i: int, word: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Curvature and signed length of the i-th of its SEGMENTS."""
     of = _COEFFICIENT[row, i]
-    return of[0] * t + of[1] * u + of[2] * v + of[3] * (math.pi / 2)  # type: ignore[no-any-return]
+    _, t, u, v = word
+    return _CURVATURE[row, i], of[0] * t + of[1] * u + of[2] * v + of[3] * (math.pi / 2)
 
 
 @_kernel
-def _reaches(row: int, t: float, u: float, v: float, x: float, y: float, s: float, c: float) -> bool:
+def word_reaches(
+    row: int, word: tuple[float, float, float, float], x: float, y: float, s: float, c: float
+) -> bool:
     """Whether the word, rolled out segment by segment, ends at the goal."""
     x_end, y_end, heading, s_end, c_end = 0.0, 0.0, 0.0, 0.0, 1.0
-    for i in range(5):
-        curvature, length = _CURVATURE[row, i], _segment_length(row, i, t, u, v)
+    for i in range(SEGMENTS):
+        curvature, length = word_segment(row, i, word)
         if curvature == 0:
             x_end, y_end = x_end + length * c_end, y_end + length * s_end
         else:
@@ -215,25 +219,24 @@ def _words(start: int, end: int, x: float, y: float, phi: float) -> tuple[Array,
     s, c = math.sin(phi), math.cos(phi)
     count = 0
     for row in range(start, end):
-        total, t, u, v = _solve(row, x, y, phi, s, c, math.inf)
-        if total < math.inf and _reaches(row, t, u, v, x, y, s, c):
-            for i in range(5):
-                curvature[count, i] = _CURVATURE[row, i]
-                length[count, i] = _segment_length(row, i, t, u, v)
+        word = solve_word(row, x, y, phi, s, c, math.inf)
+        if word[0] < math.inf and word_reaches(row, word, x, y, s, c):
+            for i in range(SEGMENTS):
+                curvature[count, i], length[count, i] = word_segment(row, i, word)
             count += 1
     return curvature, length, count
 
 
 @_kernel
-def _shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, float, float, float, float]:
-    """(row, length, t, u, v) of the shortest word; inf and NaN where there is none."""
-    best = (0, math.inf, math.nan, math.nan, math.nan)
+def _shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, tuple[float, float, float, float]]:
+    """Row and word of the shortest; inf and NaN where there is none."""
+    row, best = 0, (math.inf, math.nan, math.nan, math.nan)
     s, c = math.sin(phi), math.cos(phi)
-    for row in range(_RS_START if reverse else 0, _RS_END if reverse else _DUBINS_END):
-        total, t, u, v = _solve(row, x, y, phi, s, c, best[1] - _TIE)
-        if total < math.inf and _reaches(row, t, u, v, x, y, s, c):
-            best = (row, total, t, u, v)
-    return best
+    for k in range(REEDS_SHEPP if reverse else DUBINS, REEDS_SHEPP_END if reverse else DUBINS_END):
+        word = solve_word(k, x, y, phi, s, c, best[0] - _TIE)
+        if word[0] < math.inf and word_reaches(k, word, x, y, s, c):
+            row, best = k, word
+    return row, best
 
 
 @_kernel
@@ -243,7 +246,7 @@ def reeds_shepp_words(x: float, y: float, phi: float) -> tuple[Array, Array, int
     Arcs go up to 2π, beyond any in a shortest word; inner arcs take the smaller of their two values. Returns
     curvature (48, 5) of -1, 0, 1, signed length (48, 5) in radii, and the number of words; zeros follow them.
     """
-    return _words(_RS_START, _RS_END, x, y, phi)
+    return _words(REEDS_SHEPP, REEDS_SHEPP_END, x, y, phi)
 
 
 @_kernel
@@ -252,7 +255,7 @@ def dubins_words(x: float, y: float, phi: float) -> tuple[Array, Array, int]:
 
     Returns curvature (6, 5), length (6, 5) and number as reeds_shepp_words does; no length is negative.
     """
-    return _words(0, _DUBINS_END, x, y, phi)
+    return _words(0, DUBINS_END, x, y, phi)
 
 
 @_kernel
@@ -262,17 +265,16 @@ def shortest_word(x: float, y: float, phi: float, reverse: bool) -> tuple[Array,
     Returns curvature (5,) of -1, 0, 1 and signed length (5,) in radii, NaN where the goal is not finite.
     """
     curvature, length = np.zeros(5), np.zeros(5)
-    row, _, t, u, v = _shortest(x, y, phi, reverse)
-    for i in range(5):
-        curvature[i] = _CURVATURE[row, i]
-        length[i] = _segment_length(row, i, t, u, v)
+    row, word = _shortest(x, y, phi, reverse)
+    for i in range(SEGMENTS):
+        curvature[i], length[i] = word_segment(row, i, word)
     return curvature, length
 
 
 @_kernel
 def shortest_length(x: float, y: float, phi: float, reverse: bool) -> float:
     """The length of shortest_word, in turning radii, without the word; inf where the goal is not finite."""
-    return _shortest(x, y, phi, reverse)[1]
+    return _shortest(x, y, phi, reverse)[1][0]
 
 
 @_kernel

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from operator import add, sub
 from typing import Protocol
 
 import numpy as np
@@ -12,9 +13,21 @@ import numpy as np
 from drives.drive import BodyPath
 from drives.se2 import Array, Pose, Twist, compose, exp
 
-__all__ = ["Curve", "LinePiece", "Path", "Piece", "TwistPiece", "arc", "merge", "pivot"]
+__all__ = [
+    "Curve",
+    "LinePiece",
+    "Path",
+    "Piece",
+    "TwistPiece",
+    "arc",
+    "as_path",
+    "as_steps",
+    "merge",
+    "pivot",
+]
 
-_SAME_TWIST = 1e-12
+_SAME_DIRECTION = 1e-9
+_NOTHING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,27 +149,61 @@ def _turned(pose: Pose, turns: float) -> Pose:
 
 
 def merge(pieces: Iterable[Piece]) -> Path:
-    """The same path without empty pieces, and with neighbours joined where the motion simply goes on."""
+    """The same path without empty pieces, and with neighbours joined where the motion simply goes on; turns
+    on the spot, one after the other, are what they come to."""
     out: list[Piece] = []
     for piece in pieces:
-        if piece.length < 1e-12 and abs(piece.turn) < 1e-12:
-            continue
         joined = _join(out[-1], piece) if out else None
-        if joined is None:
+        if joined is not None:
+            out.pop()
+        piece = joined or piece
+        if piece.length >= _NOTHING or abs(piece.turn) >= _NOTHING:
             out.append(piece)
-        else:
-            out[-1] = joined
     return tuple(out)
 
 
 def _join(a: Piece, b: Piece) -> Piece | None:
     """One piece for both, if the direction of the tangent in the body frame does not change between them."""
-    if isinstance(a, TwistPiece) and isinstance(b, TwistPiece):
-        u, v = np.array(a.twist), np.array(b.twist)
-        if u @ v > 0 and np.linalg.norm(u / np.linalg.norm(u) - v / np.linalg.norm(v)) < _SAME_TWIST * 1e3:
-            return TwistPiece(a.start, Twist(*(u + v)))
-    if isinstance(a, LinePiece) and isinstance(b, LinePiece):
-        u, v = np.array(a.end) - np.array(a.start), np.array(b.end) - np.array(b.start)
-        if u @ v > 0 and np.linalg.norm(u / np.linalg.norm(u) - v / np.linalg.norm(v)) < _SAME_TWIST * 1e3:
-            return LinePiece(a.start, b.end)
+    if (
+        isinstance(a, TwistPiece)
+        and isinstance(b, TwistPiece)
+        and ((a.length == b.length == 0.0) or _is_same(a.twist, b.twist))
+    ):
+        return TwistPiece(a.start, Twist(*map(add, a.twist, b.twist)))
+    if isinstance(a, LinePiece) and isinstance(b, LinePiece) and _is_same(_step(a), _step(b)):
+        return LinePiece(a.start, b.end)
     return None
+
+
+def _is_same(u: Sequence[float], v: Sequence[float]) -> bool:
+    """Whether two vectors point in the same direction."""
+    p, q = math.hypot(*u), math.hypot(*v)
+    if min(p, q) < _NOTHING:
+        return False
+    return math.dist([x / p for x in u], [x / q for x in v]) < _SAME_DIRECTION
+
+
+def _step(piece: LinePiece) -> Pose:
+    return Pose(*map(sub, piece.end, piece.start))
+
+
+def as_steps(path: Path) -> tuple[Array, Array, bool]:
+    """Where the pieces of a path begin (n, 3), what they do (n, 3), twists held for unit time or else
+    displacements in the world, and whether it is these. All pieces are of the same kind."""
+    straight = any(isinstance(piece, LinePiece) for piece in path)
+    steps = [_step(piece) if isinstance(piece, LinePiece) else piece.twist for piece in path]
+    start = [piece.start for piece in path]
+    return np.array(start).reshape(-1, 3), np.array(steps).reshape(-1, 3), straight
+
+
+def as_path(start: Array, steps: Array, straight: bool) -> Path:
+    """The path of steps (n, 3), see as_steps, from a pose (3,)."""
+    pieces: list[Piece] = []
+    pose = Pose(*start.tolist())
+    for step in steps.tolist():
+        if straight:
+            pieces.append(LinePiece(pose, Pose(*map(add, pose, step))))
+        else:
+            pieces.append(TwistPiece(pose, Twist(*step)))
+        pose = pieces[-1].end
+    return merge(pieces)

@@ -23,6 +23,7 @@ from planner.connect import Connector
 from planner.guide import Guide
 from planner.path import Path, merge
 from planner.problem import Environment
+from planner.roadmap import quickest_path
 from planner.route import Route
 
 __all__ = ["Search"]
@@ -31,7 +32,7 @@ ou.setLogLevel(ou.LOG_NONE)
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 150, False),
-    ("RRTConnect", 1_000, True),
+    ("RRTConnect", 2_000, True),
     ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
     ("RRTConnect", 16_000, True),
@@ -41,6 +42,10 @@ _TURNS: tuple[tuple[str, int, bool], ...] = (
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
 _REPEATED = 3
+_ROADMAP = "roadmap"
+_EVERY, _REACH, _WAYS = 1.5, 8, 2
+"""Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
+further a motion may lead, and how many ways of joining two are tried."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -80,7 +85,7 @@ class Search:
 
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
-        turn = 0
+        turn, found = 0, False
         while not clock() and not self._is_spent(0):
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
@@ -90,9 +95,36 @@ class Search:
             turn += 1
             if guided and route is None:
                 continue
-            path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
+            # Beside a way that is known already, one that a search finds is more often another.
+            path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
+                name = _ROADMAP
+            else:
+                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
+            if path is not None:
+                found = True
                 yield name, path
+
+    def _along_route(self, route: Route, goal: Pose) -> Path | None:
+        """The quickest path by poses along the route itself, which needs no search where there is one."""
+        end = route.coordinates(goal, route.length)
+        count = 2 + math.ceil(route.length / max(_EVERY * route.reach, _LEAST * route.length))
+        turn = 0.0 if route.along else end[2]
+        on_route = [
+            route.pose(u * route.length, 0.0, u * turn) for u in np.linspace(0.0, 1.0, count).tolist()
+        ]
+        poses = np.array([self.start, *on_route, goal])
+        path = quickest_path(poses, np.arange(len(poses)), _REACH, self.connector, _WAYS)
+        checked = _REACH * len(poses)
+        self.work += checked
+        self._tell(_ROADMAP, True, None, checked, path is not None)
+        return path
+
+    def _tell(self, planner: str, guided: bool, seed: int | None, checked: int, solved: bool) -> None:
+        self.tried.append({
+            "planner": planner, "guided": guided, "seed": seed, "motions_checked": checked,
+            "outcome": "solved" if solved else "not solved",
+        })  # fmt: skip
 
     def _guide(self, goal: Pose) -> Guide:
         return self._guides.setdefault(goal, Guide(self.connector.world.kernel, self.start, goal))
@@ -145,10 +177,7 @@ class Search:
         status = planner.solve(ob.PlannerTerminationCondition(stop))
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
-        self.tried.append({
-            "planner": name, "guided": route is not None, "seed": seed, "motions_checked": validator.count,
-            "outcome": "solved" if exact else "not solved",
-        })  # fmt: skip
+        self._tell(name, route is not None, seed, validator.count, exact)
         return self._rebuild(definition.getSolutionPath(), pose) if exact else None
 
     def _is_spent(self, more: int) -> bool:

@@ -1,86 +1,105 @@
-"""Path → quicker Path: shortcuts between poses along it, chosen together by their time; those chosen are
-checked."""
+"""Path → quicker Path: shortcuts between poses along it, free and chosen together by their time."""
 
 from __future__ import annotations
 
 import math
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drives.se2 import Array, Pose
+from drives.se2 import Array
 from planner.connect import Connector
-from planner.path import Path, Piece, TwistPiece, merge
+from planner.edges import moved
+from planner.path import Path, as_steps
+from planner.roadmap import quickest_path
 from planner.tree import kernel
 
 __all__ = ["shorten"]
 
-_STATIONS = 24
-"""Poses along the path, more where it is longer than as many metres or has more pieces. Where they are more
-than four times as many, shortcuts reach over so many of them at most: the cost is linear in the length."""
-_MOST_STATIONS = 1000
-_LAZY = 40
-"""How often a choice may turn out not to be free before all motions are checked."""
-_ROUNDS = 4
+_QUICK, _THOROUGH = (24, 2), (48, 4)
+"""How many poses along a path shortcuts begin and end at, and how many ways of joining two are tried."""
+_ROUNDS = (0.0, 0.0, 0.2, 0.05)
+"""Where these poses are, round by round: evenly all along, or, where this is not 0, at the joints of the
+path's pieces and so far from them, as a share of the piece."""
+_NEAR = 1 / 3
+"""How far shortcuts reach between poses at joints, as a share of the evenly spread ones' number."""
 _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
 
 
-def shorten(path: Path, connector: Connector) -> Path:
+def shorten(path: Path, connector: Connector, quick: bool = False) -> Path:
     """The quickest path, by estimate, that joins some of the poses along the given one by the connector's
-    motions.
+    motions. quick: a few milliseconds' worth of it.
 
     Start and end stay, the end's heading up to whole turns. The result is free if the path is.
     """
+    count, ways = _QUICK if quick else _THOROUGH
     best, time = path, connector.duration(path)
-    for _ in range(_ROUNDS):
-        shorter = _shortcut(best, connector)
+    for share in _ROUNDS:
+        shorter = _shortcut(best, connector, count, share, ways)
         quicker = connector.duration(shorter)
-        if quicker >= time:
-            return best
-        done = quicker > _GAIN * time
-        best, time = shorter, quicker
-        if done:
-            return best
+        if quicker < time:
+            best = shorter
+        if quicker > _GAIN * time:
+            break
+        time = quicker
     return best
 
 
-def _shortcut(path: Path, connector: Connector) -> Path:
-    stations, parts = _stations(path)
-    poses, station = _turned(stations, connector)
-    n = len(stations)
-    span = n if n <= 4 * _STATIONS else _STATIONS
-    first, second = _ahead(station, span)
-    order = np.argsort(station[second], kind="stable")
-    first, second = first[order], second[order]
-    motions = connector.motions(poses[first], poses[second])
-    # Of neighbours there is one way more: what the path itself does there.
-    here = np.flatnonzero((second == first + 1) & (second < n))
-    own = np.full(len(first), np.inf)
-    own[here] = connector.durations(parts)[first[here]]
-    heads = np.zeros((len(first), 1, 2))
-    heads[here] = np.array([_heads(part) for part in parts])[first[here], None, None]
-    times, heads = np.column_stack([motions.times, own]), np.concatenate([motions.heads, heads], 1)
-    known = np.zeros(times.shape, dtype=np.bool_)
-    known[here, -1] = True
-    for attempt in count():
-        if attempt == _LAZY:
-            known[:, :-1] = motions.free()
-            times[~known] = np.inf
-        edges, ways = _quickest(first, second, times, heads, n - 1, connector.reversal)
-        asked = [key for key in zip(edges.tolist(), ways.tolist(), strict=True) if not known[key]]
-        for i, way in asked:
-            known[i, way] = motions.free(slice(i, i + 1), slice(way, way + 1))[0, 0]
-            if not known[i, way]:
-                times[i, way] = np.inf
-        if all(known[key] for key in asked):
-            break
-    steps: list[Path] = [
-        (parts[first[i]],) if way == motions.times.shape[1] else motions.path(i, way)
-        for i, way in zip(edges.tolist(), ways.tolist(), strict=True)
-    ]
-    return _unwrapped(path[0].start, steps)
+def _shortcut(path: Path, connector: Connector, count: int, share: float, ways: int) -> Path:
+    start, steps, straight = as_steps(path)
+    at = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + 0.1 * np.abs(steps[:, 2]))])
+    cuts = _beside(at, share) if share else _even(at, count)
+    begin, own, place = _cut(start, steps, straight, at, cuts)
+    poses, station = _turned(begin[place], connector)
+    reach = _NEAR * count if share else math.inf
+    shorter = quickest_path(poses, station, reach, connector, ways, (begin, own, place))
+    assert shorter is not None  # there is the path itself
+    return shorter
+
+
+def _even(at: Array, count: int) -> Array:
+    """So many places or less, evenly from the first to the last of `at` (k,), or at one of these that is
+    near."""
+    cuts = np.linspace(0.0, at[-1], count)
+    near = at[np.abs(at[:, None] - cuts).argmin(0)]
+    found: Array = np.unique(np.where(np.abs(near - cuts) < cuts[1] / 2, near, cuts))
+    return found
+
+
+def _beside(at: Array, share: float) -> Array:
+    """The places at (k,), and those by a share of the way to the next from each, on either side."""
+    off = share * np.diff(at)
+    found: Array = np.unique(np.concatenate([at, at[:-1] + off, at[1:] - off]))
+    return found
+
+
+def _cut(
+    start: Array, steps: Array, straight: bool, at: Array, cuts: Array
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """The steps (k, 3) from poses start (k, 3), which begin and end at (k + 1,), cut at `cuts` (n,) too.
+
+    Returns where they begin and the last ends (m + 1, 3), what they do (m, 3), and which begin at a cut
+    (n,)."""
+    places = np.unique(np.concatenate([at, cuts]))
+    k = np.minimum(np.searchsorted(at, places, side="right"), len(steps)) - 1
+    whole = np.diff(at)[k]
+    begin = _moved(start[k], steps[k] * ((places - at[k]) / whole)[:, None], straight)
+    own = steps[k[:-1]] * (np.diff(places) / whole[:-1])[:, None]
+    return begin, own, np.searchsorted(places, cuts)
+
+
+@kernel
+def _moved(start: Array, steps: Array, straight: bool) -> Array:
+    """The poses (n, 3) that steps (n, 3) from start (n, 3) lead to."""
+    if straight:
+        return start + steps
+    out = np.empty_like(start)
+    for i in range(len(start)):
+        x, y, theta = start[i]
+        p, q, turn = steps[i]
+        out[i] = moved(x, y, theta, p, q, turn)
+    return out
 
 
 def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.intp]]:
@@ -102,76 +121,3 @@ def _turned(stations: Array, connector: Connector) -> tuple[Array, NDArray[np.in
     variants = [np.column_stack([stations[1:-1, :2], turn]) for turn in turns]
     every = [np.arange(n), *(np.arange(1, n - 1) for _ in variants)]
     return np.concatenate([stations, *variants]), np.concatenate(every)
-
-
-def _ahead(station: NDArray[np.intp], span: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """All pairs of poses, given the station of each, of which the second is 1 to `span` stations ahead."""
-    order = np.argsort(station, kind="stable")
-    begin, end = (np.searchsorted(station[order], station + k, "right") for k in (0, span))
-    count = end - begin
-    first = np.repeat(np.arange(len(station)), count)
-    return first, order[np.arange(len(first)) + np.repeat(begin - np.cumsum(count) + count, count)]
-
-
-@kernel
-def _quickest(
-    first: NDArray[np.intp], second: NDArray[np.intp], times: Array, heads: Array, goal: int, reversal: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The edges and ways that lead from pose 0 to the goal in the least time.
-
-    Edge e leads from pose first[e] to second[e]; no later edge leads to where it begins. times (e, ways) s,
-    heads (e, ways, 2) as of Motions. reversal s: of a change of direction.
-    """
-    n = max(second.max(), first.max()) + 1
-    reach = np.full((n, 2), np.inf)  # arriving backwards, forwards
-    reach[0] = 0.0
-    by = np.zeros((n, 2, 3), dtype=np.intp)
-    for e in range(len(first)):
-        i, j = first[e], second[e]
-        for way in range(times.shape[1]):
-            for before in range(2):
-                total = reach[i, before] + times[e, way]
-                begin, end = heads[e, way, 0], heads[e, way, 1]
-                if begin * (2 * before - 1) < 0.0:
-                    total += reversal
-                # A way that neither drives forwards nor backwards changes nothing.
-                after = before if end == 0.0 else int(end > 0.0)
-                if total < reach[j, after]:
-                    reach[j, after] = total
-                    by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
-    edges, ways = np.empty(n, np.intp), np.empty(n, np.intp)
-    j, head, length = goal, int(reach[goal, 1] < reach[goal, 0]), 0
-    while j != 0:
-        e, way, before = by[j, head]
-        edges[length], ways[length] = e, way
-        j, head, length = first[e], before, length + 1
-    return edges[:length][::-1].copy(), ways[:length][::-1].copy()
-
-
-def _heads(piece: Piece) -> float:
-    """1 where a piece drives forwards, -1 backwards, 0 neither."""
-    return float(np.sign(piece.twist.vx)) if isinstance(piece, TwistPiece) else 0.0
-
-
-def _unwrapped(start: Pose, steps: list[Path]) -> Path:
-    """The steps one after the other, headings continuous though each began on its own branch."""
-    pieces = []
-    theta = start.theta
-    for piece in (piece for step in steps for piece in step):
-        turns = round((theta - piece.start.theta) / math.tau) * math.tau
-        pieces.append(piece.turned(turns))
-        theta = pieces[-1].end.theta
-    return merge(pieces)
-
-
-def _stations(path: Path) -> tuple[Array, Path]:
-    """Poses (n, 3) along the path, ends of pieces included, and the parts of the path between them."""
-    ways = np.array([piece.length + 0.1 * abs(piece.turn) for piece in path])
-    wanted = min(max(_STATIONS, ways.sum()), _MOST_STATIONS)
-    shares = np.maximum(1, np.floor(wanted * ways / ways.sum())).astype(int)
-    parts = tuple(
-        piece.part(k / n, (k + 1) / n)
-        for piece, n in zip(path, shares.tolist(), strict=True)
-        for k in range(n)
-    )
-    return np.array([parts[0].start, *(part.end for part in parts)]), parts

@@ -29,7 +29,7 @@ from planner.retime import excess
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
 from planner.tree import kernel
 
-__all__ = ["cruising_speed", "duration_estimate", "time_path"]
+__all__ = ["cruising_speed", "time_path"]
 
 _GRID_START, _GRID_SWINGING, _GRID_MAX = 48, 96, 3000
 """Intervals to begin with, those where wheels trail, and points at most."""
@@ -70,27 +70,6 @@ def cruising_speed(drive: Drive, limits: Limits, path: BodyPath) -> Array:
     _, _, x_max = _rows(path, drive.settled.actuators(path), limits)
     speed: Array = np.sqrt(x_max)
     return speed
-
-
-def duration_estimate(drive: Drive, limits: Limits, tangents: Array, flows: bool = False) -> Array:
-    """Time (e,) s from rest to rest over pieces of unit s, given samples of their tangents (e, n, 3).
-
-    Takes every limit but jerk at its worst along each piece. flows: time at full speed instead, as if the
-    robot came by. Trailing wheels are taken to have swung round.
-    """
-    e, n, _ = tangents.shape
-    flat = tangents.reshape(-1, 3)
-    path = BodyPath(np.arange(e * n, dtype=np.float64), np.zeros(e * n), flat, np.zeros_like(flat))
-    a, _, x_max = _rows(path, drive.settled.actuators(path), limits)
-    if flows:
-        passing: Array = (1 / np.sqrt(x_max.reshape(e, n))).mean(1)
-        return passing
-    with np.errstate(divide="ignore"):
-        speed = np.sqrt(x_max.reshape(e, n).min(1))
-        acceleration = 1 / np.abs(a).max(1).reshape(e, n).max(1)
-    reaches = speed**2 < acceleration
-    estimate: Array = np.where(reaches, 1 / speed + speed / acceleration, 2 / np.sqrt(acceleration))
-    return estimate
 
 
 def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits: Limits) -> None:

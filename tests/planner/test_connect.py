@@ -48,4 +48,4 @@ def test_wider_curves_are_those_of_a_connector_of_that_radius(
     for motions, scale in zip(local.direct(a, b), (1.0, 1.5, 2.5, 4.0), strict=True):
         radius = scale * local.turning_radius
         wider = connector(given, world, Options(reverse=reverse, turning_radius=radius)).motions(a, b)
-        np.testing.assert_allclose(motions.times[:, :4], wider.times, rtol=1e-12)
+        np.testing.assert_allclose(motions.times, wider.times, rtol=1e-12)

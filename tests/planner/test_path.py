@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drives.se2 import Array, Pose, Twist
-from planner.path import LinePiece, Path, Piece, TwistPiece, merge
+from planner.path import LinePiece, Path, Piece, TwistPiece, as_path, as_steps, merge
 
 number = st.floats(-5.0, 5.0)
 POSES = st.builds(Pose, number, number, st.floats(-10.0, 10.0))
@@ -158,3 +158,25 @@ def test_a_cusp_and_a_kink_are_not_merged_away() -> None:
     paths: list[Path] = [(ahead, back), (ahead, on), (line, corner), (ahead, pivot)]
     for path in paths:
         assert merge(path) == path
+
+
+def test_turns_on_the_spot_are_what_they_come_to() -> None:
+    here = Pose(1.0, 2.0, 0.5)
+    there = TwistPiece(here, Twist(0.0, 0.0, 0.4))
+    back = TwistPiece(there.end, Twist(0.0, 0.0, -0.3))
+    (one,) = merge((there, back))
+    assert one.turn == pytest.approx(0.1)
+    assert merge((there, TwistPiece(there.end, Twist(0.0, 0.0, -0.4)))) == ()
+
+
+@given(start=POSES, twists=st.lists(TWISTS, min_size=1, max_size=6), straight=st.booleans())
+@fast
+def test_steps_say_all_of_a_path(start: Pose, twists: list[Twist], straight: bool) -> None:
+    path = as_path(np.array(start), np.array(twists), straight)
+    begin, steps, kind = as_steps(path)
+    assert len(begin) == len(steps) == len(path)
+    if path:
+        assert kind is straight
+        again = as_path(begin[0], steps, straight)
+        assert as_steps(again)[0] == pytest.approx(begin, abs=1e-9)
+        assert again[-1].end == pytest.approx(path[-1].end, abs=1e-9)

@@ -1,26 +1,106 @@
-"""Which shortcuts are considered, however long the path is."""
+"""A shortened path is free, joins the same poses, and makes no detours."""
 
 from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from drives.se2 import Pose
-from planner.path import LinePiece
-from planner.shorten import _ahead, _stations
+from drives.se2 import Pose, wrap
+from planner.connect import Connector, connector, is_path_free
+from planner.environment import CollisionWorld
+from planner.path import Path, merge
+from planner.problem import Bounds, Environment, Options, Polygon, Robot
+from planner.shorten import shorten
+
+KINDS = ["mecanum", "swerve", "differential", "ackermann", "powered_caster"]
+EFFORTS = ["first", "good"]
 
 
-@pytest.mark.parametrize("span", [1, 3, 50])
-def test_pairs_are_all_those_whose_second_is_ahead_by_no_more_than_the_span(span: int) -> None:
-    station = np.concatenate([np.arange(40), np.arange(1, 39), np.arange(1, 39)])
-    ahead = station[None] - station[:, None]
-    expected = set(zip(*(i.tolist() for i in np.nonzero((ahead > 0) & (ahead <= span))), strict=True))
-    first, second = _ahead(station, span)
-    assert len(first) == len(expected)
-    assert set(zip(first.tolist(), second.tolist(), strict=True)) == expected
+def local(robot: Robot, environment: Environment, effort: str) -> Connector:
+    world = CollisionWorld.build(environment, robot.footprint)
+    return connector(robot, world, Options(effort=effort))  # type: ignore[arg-type]
 
 
-def test_a_path_of_a_thousand_kilometres_has_no_more_stations_than_can_be_compared() -> None:
-    stations, parts = _stations((LinePiece(Pose(0, 0, 0), Pose(1e6, 0, 0)),))
-    assert len(stations) == len(parts) + 1 <= 1001
-    assert stations[-1].tolist() == [1e6, 0, 0]
+def by_way_of(asked: Connector, *poses: tuple[float, float, float]) -> Path:
+    """The connector's own motions from pose to pose, headings continuous."""
+    pieces = []
+    theta = poses[0][2]
+    for a, b in itertools.pairwise(poses):
+        part = asked.connect(Pose(*a), Pose(*b))
+        assert part is not None
+        for piece in part:
+            pieces.append(piece.turned(round((theta - piece.start.theta) / math.tau) * math.tau))
+            theta = pieces[-1].end.theta
+    return merge(pieces)
+
+
+def length(path: Path) -> float:
+    return sum(piece.length for piece in path)
+
+
+def wandering(n: int, seed: int) -> list[tuple[float, float, float]]:
+    """Poses up and down a floor of 40 m by 10 m."""
+    random = np.random.default_rng(seed)
+    rows = np.column_stack([np.linspace(2, 38, n), random.uniform(2, 8, n), random.uniform(-3, 3, n)])
+    return [tuple(row) for row in rows.tolist()]
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("n", [3, 12, 60])
+def test_on_an_open_floor_nothing_is_left_of_a_detour(
+    robot: Callable[..., Robot], kind: str, effort: str, n: int
+) -> None:
+    asked = local(robot(kind), Environment(Bounds(0.0, 0.0, 40.0, 10.0)), effort)
+    poses = wandering(n, n)
+    path = by_way_of(asked, *poses)
+    straight = asked.connect(Pose(*poses[0]), Pose(*poses[-1]))
+    assert straight is not None
+    shorter = shorten(path, asked, quick=effort == "first")
+    assert asked.duration(shorter) <= asked.duration(straight) + 1e-6
+
+
+def walled() -> Environment:
+    """A floor of 40 m by 10 m and a wall 6 m high in its middle."""
+    wall = Polygon(np.array([[19.0, 0.0], [21.0, 0.0], [21.0, 6.0], [19.0, 6.0]]))
+    return Environment(Bounds(0.0, 0.0, 40.0, 10.0), (wall,))
+
+
+START, GOAL = (4.0, 2.0, 0.0), (36.0, 2.0, 0.0)
+OVER = ((8.0, 8.5, 1.0), (20.0, 9.0, 0.0), (30.0, 8.5, -0.5))
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("kind", KINDS[1:])  # mecanum bases are slow across, and go round for it
+def test_round_a_wall_the_way_is_hardly_longer_than_a_taut_rope(
+    robot: Callable[..., Robot], kind: str, quick: bool
+) -> None:
+    asked = local(robot(kind), walled(), "first")
+    path = by_way_of(asked, START, *OVER, GOAL)
+    rope = 2 * math.dist(START[:2], (19.0, 6.0)) + 2.0
+    shorter = shorten(path, asked, quick)
+    assert length(path) > 1.1 * rope
+    assert rope <= length(shorter) < 1.05 * rope
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_free_no_slower_and_joins_the_same_poses(
+    robot: Callable[..., Robot], kind: str, effort: str, quick: bool
+) -> None:
+    asked = local(robot(kind), walled(), effort)
+    path = by_way_of(asked, START, *OVER, GOAL)
+    shorter = shorten(path, asked, quick)
+    assert is_path_free(asked.world, shorter)
+    assert asked.duration(shorter) <= asked.duration(path) + 1e-9
+    assert shorter[0].start == pytest.approx(path[0].start)
+    assert shorter[-1].end[:2] == pytest.approx(path[-1].end[:2], abs=1e-6)
+    assert wrap(shorter[-1].end.theta - path[-1].end.theta) == pytest.approx(0.0, abs=1e-6)
+    for piece, after in itertools.pairwise(shorter):
+        assert after.start == pytest.approx(piece.end, abs=1e-6)
+    assert shorten(path, asked, quick) == shorter
