@@ -13,14 +13,16 @@ Sources: Bock and Plitt (1984), direct multiple shooting; Vanroye et al. (2023),
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
 from drives.se2 import Array
+from planner.stagewise import Program, Rows, Stage, program
 
 __all__ = ["Shape", "Solver", "solver"]
 
@@ -84,8 +86,7 @@ class Shape:
         twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling speed.
         acceleration, jerk (rows + steered): rate limit over acceleration limit, and over jerk limit.
         steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the limits of
-        speed, omega, tangential and lateral acceleration. Then for every knot `planes` rows (nx, ny, x,
-        y, d): n·(point of the body at x, y) >= d.
+        speed, omega, tangential and lateral acceleration.
         """
         wheels = self.rows + self.steered
         return {
@@ -100,7 +101,6 @@ class Shape:
             "steering": 1,
             "curvature": 1,
             "body": 4,
-            "planes": 5 * self.planes * (self.knots + 1),
         }
 
 
@@ -109,9 +109,7 @@ class Solver:
     """A compiled solver for problems of one shape."""
 
     shape: Shape
-    _function: Any
-    _lower: Array
-    _upper: Array
+    _program: Program
 
     def solve(self, parameters: dict[str, Any], guess: Array, controls: Array) -> tuple[Array, Array] | None:
         """States (knots + 1, state) and controls (knots, size), or None.
@@ -119,117 +117,40 @@ class Solver:
         guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
         rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
         """
-        n, m = self.shape.knots, self.shape.state
-        guess, controls = guess / self.shape.units[0], controls / self.shape.units[1]
+        states, unit = self.shape.units
+        guess, controls = guess / states, controls / unit
         given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
-        first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
+        planes = np.reshape(parameters["planes"], (self.shape.knots + 1, -1))[:-1]
         # Among obstacles a second try costs too much for what it seldom brings.
         for share in _EFFORT if self.shape.planes == 0 else _EFFORT[:1]:
             effort = share / max(float((controls**2).sum()), 1e-9)
-            packed = np.concatenate([*given, [effort]])
-            found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
-            if self._function.stats()["success"]:
-                break
-        else:
-            return None
-        values = np.array(found["x"]).ravel()
-        if not np.isfinite(values).all():
-            return None
-        body = values[:-m].reshape(n, -1)
-        return np.vstack([body[:, :m], values[-m:]]) * self.shape.units[0], body[:, m:] * self.shape.units[1]
+            found = self._program.solve(guess, controls, planes, np.concatenate([*given, [effort]]))
+            if found is not None:
+                return found[0] * states, found[1] * unit
+        return None
 
 
 @lru_cache(maxsize=32)
 def solver(shape: Shape) -> Solver:
-    """The solver for a shape, built when first asked for (0.1 to 0.5 s)."""
-    n, size = shape.knots, shape.size
-    stage = _stage(shape)
-    # Small functions of plain expressions, mapped over the knots by one large one: quick to build and to run.
-    variables = ca.MX.sym("w", n * (shape.state + size) + shape.state)
-    pairs = ca.reshape(variables[: n * (shape.state + size)], shape.state + size, n)
-    x = ca.horzcat(pairs[: shape.state, :], variables[-shape.state :])
-    u = pairs[shape.state :, :]
-    shared = ca.MX.sym("shared", stage.parameters)
-    planes = ca.MX.sym("planes", 5 * shape.planes, n + 1)
-    effort = ca.MX.sym("effort")
-    stepped = ca.horzsplit(x[:, 1:] - stage.step.map(n)(x[:, :-1], u))
-    speeds = ca.horzsplit(stage.speeds.map(n)(x[:, 1:], ca.repmat(shared, 1, n)))
-    changes = ca.horzsplit(stage.changes.map(n)(x[:, :-1], u, ca.repmat(shared, 1, n)))
-    gaps = ca.horzsplit(stage.gaps.map(n - 1)(x[:, 1:-1], planes[:, 1:-1])) if shape.planes else []
-    rows: list[Any] = []
-    lower: list[float] = []
-    upper: list[float] = []
-
-    def hold(values: Any, low: float, high: float) -> None:
-        rows.append(values)
-        lower.extend([low] * values.shape[0])
-        upper.extend([high] * values.shape[0])
-
-    for i in range(n + 1):
-        if i < n:
-            hold(stepped[i], 0, 0)
-        if i == 0:
-            hold(stage.begin(x[:, 0], shared), 0, 0)
-            hold(x[-1, 0], 1e-3, 1e3)
-            if shape.coordinates == "car" and shape.given == "rest":
-                hold(stage.bend(x[:, 0], shared), -1, 1)
-        else:
-            hold(speeds[i - 1], -1, 1)
-        if i == n:
-            hold(stage.finish(x[:, n], shared), 0, 0)
-        else:
-            hold(changes[i], -1, 1)
-            if i > 0 and gaps:
-                hold(gaps[i - 1], 0, ca.inf)
-    program = {
-        "x": variables, "p": ca.vertcat(shared, ca.vec(planes), effort), "g": ca.vertcat(*rows),
-        "f": x[-1, n] + ca.sumsqr(u) * effort,
-    }  # fmt: skip
-    equal = [low == high for low, high in zip(lower, upper, strict=True)]
-    options: dict[str, Any] = {
-        "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 3e-2, "max_iter": 100},
-    }  # fmt: skip
-    function = ca.nlpsol("fastest", "fatrop", program, options)
-    return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))
-
-
-class _Stage(NamedTuple):
-    """The functions of one knot, or one interval: of state, control and shared parameters, or its
-    half-planes."""
-
-    parameters: int
-    step: Any
-    begin: Any
-    finish: Any
-    bend: Any
-    speeds: Any
-    changes: Any
-    gaps: Any
-
-
-def _stage(shape: Shape) -> _Stage:
-    sizes = {name: size for name, size in shape.parameters().items() if name != "planes"}
-    symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-    problem = _Problem(shape, symbols)
+    """The solver for a shape, built when first asked for (0.03 to 0.1 s)."""
+    symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
+    motion = _Motion(shape, symbols)
     x, u, planes = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("n", 5 * shape.planes)
-    p = ca.vertcat(*symbols.values())
+    effort = ca.SX.sym("effort")
     unit, control = shape.units
     at, by = x * unit, u * control
-
-    def function(name: str, given: list[Any], rows: list[Any]) -> Any:
-        return ca.Function(name, given, [ca.cse(ca.vertcat(*rows))])
-
-    return _Stage(
-        p.shape[0],
-        function("step", [x, u], [problem.step(at, by) / unit]),
-        function("begin", [x, p], problem.begin(at)),
-        function("finish", [x, p], problem.finish(at)),
-        function("bend", [x, p], problem.bends(at)),
-        function("speeds", [x, p], problem.speeds(at)),
-        function("changes", [x, u, p], problem.changes(at, by)),
-        function("gaps", [x, planes], problem.gaps(at, planes)),
-    )
+    bends = [Rows(motion.bends(at), -1, 1)] if shape.given == "rest" else []
+    stage = Stage(
+        x, u, planes, ca.vertcat(*symbols.values(), effort),
+        after=motion.step(at, by) / unit,
+        cost=ca.sumsqr(u) * effort,
+        held=[Rows(motion.changes(at, by), -1, 1)],
+        first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
+        later=[Rows(motion.speeds(at), -1, 1), Rows(motion.gaps(at, planes), 0, math.inf)],
+        last=[Rows(motion.speeds(at), -1, 1), Rows(motion.finish(at), 0, 0)],
+        last_cost=x[-1],
+    )  # fmt: skip
+    return Solver(shape, program(stage, shape.knots, {"tol": 1e-5, "mu_init": 3e-2, "max_iter": 100}))
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {
@@ -241,10 +162,15 @@ _INSIDE: dict[str, tuple[float, ...]] = {
 """Where in an interval limits on changes are held: fixed wheels accelerate evenly there, steered ones do
 not."""
 
-_GAUSS = ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18))
+_GAUSS = {
+    1: ((0.5, 1.0),),
+    2: ((0.5 - 12**-0.5, 0.5), (0.5 + 12**-0.5, 0.5)),
+    3: ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18)),
+}
+"""Points and weights of Gauss's rule, exact for polynomials of degree 2n - 1."""
 
 
-class _Problem:
+class _Motion:
     """The rows of one shape, as expressions."""
 
     def __init__(self, shape: Shape, symbols: dict[str, Any]) -> None:
@@ -272,22 +198,25 @@ class _Problem:
     def step(self, x: Any, u: Any) -> Any:
         """The state at the next knot."""
         h = x[-1] / self.shape.knots
-        pose = x[:3]
+        q, r = self._later(x, u, h)
+        return ca.vertcat(*self._moved(x, u, h), q, *([r] if self.shape.jerk else []), x[-1])
+
+    def _moved(self, x: Any, u: Any, h: Any) -> tuple[Any, Any, Any]:
+        """The pose a time h after a knot."""
+        degree = self.shape.order * (2 if self.shape.coordinates == "car" else 1)
+        exact = _GAUSS[degree // 2 + 1]
 
         def turned(t: Any) -> Any:
-            # Exact: omega is of the fourth degree at most.
-            return sum(w * t * self.twist(self._later(x, u, a * t)[0])[2] for a, w in _GAUSS)
+            return sum(w * t * self.twist(self._later(x, u, a * t)[0])[2] for a, w in exact)
 
         dx, dy = 0, 0
-        for a, w in _GAUSS:
+        for a, w in _GAUSS[3]:
             vx, vy, _ = self.twist(self._later(x, u, a * h)[0])
-            theta = pose[2] + turned(a * h)
+            theta = x[2] + turned(a * h)
             c, s = ca.cos(theta), ca.sin(theta)
             dx += w * h * (c * vx - s * vy)
             dy += w * h * (s * vx + c * vy)
-        q, r = self._later(x, u, h)
-        moved = ca.vertcat(pose[0] + dx, pose[1] + dy, pose[2] + turned(h))
-        return ca.vertcat(moved, q, *([r] if self.shape.jerk else []), x[-1])
+        return x[0] + dx, x[1] + dy, x[2] + turned(h)
 
     def begin(self, x: Any) -> list[Any]:
         """What is zero in the state to begin in."""
