@@ -65,7 +65,7 @@ class Optimizer:
         if alone:
             knots = _knots(motion, limits, math.inf)
             guess = self._guess(motion, knots)
-            found = self._solve(guess, self._begin(guess), np.zeros((knots + 1, 0, 5)))
+            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
@@ -111,7 +111,7 @@ class Optimizer:
         half_planes for sides."""
         met = None
         for spare in _SPARE:
-            near = half_planes(self.world.kernel, guess.pose, True, spare, sides)
+            near = half_planes(self.world.kernel, _halved(guess.pose)[:-1], True, spare, sides)
             if met is not None:
                 # Beside the obstacles near the motion, those that the last answer ran into.
                 near = np.concatenate([near, half_planes(self.world.kernel, met, False, spare, sides)], 1)
@@ -122,7 +122,7 @@ class Optimizer:
                 return found
             if self.is_over(self.longest):
                 break
-            met = found.poses(found.time)
+            met = found.poses(_halved(found.time))[:-1]
         return None
 
     def _is_free(self, motion: Flowing) -> bool:
@@ -176,7 +176,7 @@ class Optimizer:
 
     def _solve(self, guess: Guess, begin: State, planes: Array) -> Flowing | None:
         """The fastest motion near a guess, from a state to rest where the guess ends, on the right side of
-        planes (n + 1, p, 5). Between knots it may exceed limits a little."""
+        planes (2n, p, 5), of knots and halfway between them. Between knots it may exceed limits a little."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
         # Of wheels that always turn alike, one will do.
@@ -287,6 +287,13 @@ def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
     wanted = max(time / _INTERVAL, _way(fine.pose) / spacing)
     most = math.ceil(wanted) if math.isfinite(spacing) else _KNOTS[-1]
     return next((n for n in _KNOTS if wanted <= n), most)
+
+
+def _halved(values: Array) -> Array:
+    """Values (n, …) with the means of neighbours between them."""
+    fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
+    return fine
 
 
 def _way(pose: Array) -> float:
