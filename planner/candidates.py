@@ -58,7 +58,7 @@ def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Sto
     found: list[Candidate] = []
 
     def optimize(near: Candidate, rounds: int) -> bool:
-        faster = optimizer.faster(near.timed, rounds, alone=near.planner == "direct")
+        faster = optimizer.faster(near.timed, rounds)
         if faster is not None:
             found.append(Candidate(near.planner, faster, optimized=True))
         watch.lap("optimize")

@@ -33,6 +33,8 @@ _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
+_FAR, _LOOK = 0.5, 0.1
+"""Clearance (m) of a motion from which on it is tried without obstacles, and time (s) between looks at it."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 
@@ -55,14 +57,13 @@ class Optimizer:
         """Time (s) that the longest solve took so far."""
         return max(self._took, default=0.0)
 
-    def faster(self, motion: Phases, rounds: int, alone: bool) -> Phases | None:
+    def faster(self, motion: Phases, rounds: int) -> Phases | None:
         """The fastest free motion found near a free one, within all limits; None where that is no faster.
 
-        rounds: how often it may be improved among obstacles, as long as each is worth while. alone:
-        whether to try first without them, which is quick, and where they are far that is enough.
+        rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         limits = self.problem.robot.limits
-        if alone:
+        if self._is_far(motion):
             knots = _knots(motion, limits, math.inf)
             guess = self._guess(motion, knots)
             found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
@@ -83,13 +84,18 @@ class Optimizer:
                 break
         return None if best is motion else best
 
+    def _is_far(self, motion: Phases) -> bool:
+        """Whether obstacles are so far from a motion that it may be tried without them."""
+        times = np.linspace(0.0, motion.duration, math.ceil(motion.duration / _LOOK) + 1)
+        return float(self.world.clearance(motion.sample(times).pose).min()) > _FAR
+
     def _near(self, motion: Phases, knots: int) -> Phases | None:
         """The fastest free motion on the same side of all obstacles as a free one, or None."""
         guess = self._guess(motion, knots)
         begin = self._begin(guess)
         runs = None
         if knots <= _KNOTS[-1]:
-            found = self._in_corridor(guess, begin, 1)
+            found = self._in_corridor(guess, begin)
             runs = None if found is None else [found]
         if runs is None and knots > WINDOW:
             runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
@@ -97,8 +103,7 @@ class Optimizer:
         return None if made is None else hastened(made, self.problem.robot.limits)
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
-        # Along aisles what is nearest is now on one side, now on the other.
-        found = None if self.is_over(self.longest) else self._in_corridor(guess, begin, 2)
+        found = None if self.is_over(self.longest) else self._in_corridor(guess, begin)
         made = None if found is None else self._slowed([found])
         if found is None or made is None:
             return None
@@ -106,23 +111,18 @@ class Optimizer:
         slow = made.phases[-1].duration > _SLOWED * found.duration
         return None if slow and not self._is_jerk_limited else found
 
-    def _in_corridor(self, guess: Guess, begin: State, sides: int) -> Flowing | None:
-        """The fastest free motion on the same side of all obstacles as a guess, whose poses are free; see
-        half_planes for sides."""
-        met = None
+    def _in_corridor(self, guess: Guess, begin: State) -> Flowing | None:
+        """The fastest free motion on the same side of all obstacles as a guess, whose poses are free."""
+        poses, relaxed = _halved(guess.pose), True
         for spare in _SPARE:
-            near = half_planes(self.world.kernel, _halved(guess.pose)[:-1], True, spare, sides)
-            if met is not None:
-                # Beside the obstacles near the motion, those that the last answer ran into.
-                near = np.concatenate([near, half_planes(self.world.kernel, met, False, spare, sides)], 1)
-            found = self._solve(guess, begin, near)
-            if found is None:
-                return None
-            if self._is_free(found):
+            planes = half_planes(self.world.kernel, poses[:-1], relaxed, spare)
+            found = self._solve(guess, begin, planes)
+            if found is None or self._is_free(found):
                 return found
             if self.is_over(self.longest):
                 break
-            met = found.poses(_halved(found.time))[:-1]
+            # Now beside the obstacles that the answer ran into.
+            poses, relaxed = found.poses(_halved(found.time)), False
         return None
 
     def _is_free(self, motion: Flowing) -> bool:

@@ -129,7 +129,7 @@ def test_half_planes_of_a_disc_before_a_wall_say_how_near_it_may_come() -> None:
     wall = Polygon(np.array([[1.0, -5.0], [2.0, -5.0], [2.0, 5.0], [1.0, 5.0]]))
     disc = Footprint(np.zeros((1, 2)), 0.2)
     world = CollisionWorld.build(replace(OPEN, obstacles=(wall,)), disc, 0.1)
-    (plane,) = half_planes(world.kernel, np.array([[0.4, 0.3, math.pi / 3]]), False, 0.005)[0]
+    plane, _ = half_planes(world.kernel, np.array([[0.4, 0.3, math.pi / 3]]), False, 0.005)[0]
     assert plane[:2] == pytest.approx([-1.0, 0.0], abs=1e-12)
     # n·point >= d: x <= 1 - radius - clearance, less a little to spare.
     assert -0.71 < plane[4] < -0.69
