@@ -5,13 +5,18 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from api.settings import Settings
 from api.strict_json import MalformedJson, read_json, write_json
+
+if TYPE_CHECKING:
+    from planner.plan import Plan
+    from planner.problem import Problem
 
 __all__ = ["main"]
 
@@ -72,7 +77,7 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
                 with suppress(AttributeError):  # what is no object, validation names below
                     request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
             problem = to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
-            plan = read_json(write_json(plan_document(problem)))
+            plan = read_json(write_json(plan_document(problem, _best_so_far(problem))))
         except MalformedJson as error:
             return _refuse(problem_document(Refusal("malformed-json", str(error))))
         except (Refusal, PlanningError) as error:
@@ -86,6 +91,27 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
 
             draw_plan(request, plan, asked.picture, asked.map)
     return 0
+
+
+def _best_so_far(problem: Problem) -> Plan:
+    """The plan. At effort best each better one on the way is told of; an interrupt ends the work with it."""
+    from api.planning import make_plan
+
+    began = time.perf_counter()
+    best: Plan | None = None
+
+    def improved(better: Plan) -> None:
+        nonlocal best
+        best = better
+        elapsed = time.perf_counter() - began
+        print(f"after {elapsed:.2f} s: a motion of {better.duration:.3f} s", file=sys.stderr)
+
+    try:
+        return make_plan(problem, improved)
+    except KeyboardInterrupt:
+        if best is None:
+            raise
+        return best
 
 
 def _write(document: Any, to: Path | None) -> None:

@@ -5,18 +5,25 @@ from __future__ import annotations
 import gzip
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import asdict, fields
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from api.errors import Refusal
 from api.strict_json import write_json
+from api.workers import report
 from drives.se2 import Array
 from planner.errors import AuditFailed
 from planner.problem import Problem
 
-__all__ = ["Answer", "MediaType", "answer_plan", "plan_document"]
+if TYPE_CHECKING:
+    from planner.plan import Plan
+
+__all__ = [
+    "Answer", "MediaType", "answer_plan", "make_plan", "plan_document", "server_sent_event", "stream_plan",
+]  # fmt: skip
 
 MediaType = Literal["application/json", "text/csv"]
 
@@ -31,25 +38,48 @@ class Answer(NamedTuple):
 def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answer:
     """Plans. Raises PlanningError, and Refusal where the map has been deleted meanwhile."""
     began = time.perf_counter()
-    document = plan_document(problem)
+    document = plan_document(problem, make_plan(problem))
     seconds = time.perf_counter() - began
     body = _csv(document) if media_type == "text/csv" else write_json(document)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
     return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 
 
-def plan_document(problem: Problem) -> dict[str, Any]:
-    """The contract's answer to a problem; its arrays are numpy's."""
-    # Only workers need the planner, and it takes seconds to import.
+def stream_plan(problem: Problem) -> Answer:
+    """Plans, and reports each better plan on the way as a server-sent event; the last event is the answer."""
+    began = time.perf_counter()
+
+    def event(made: Plan, final: bool) -> bytes:
+        elapsed = time.perf_counter() - began
+        data = {"plan": plan_document(problem, made), "elapsed": elapsed, "final": final}
+        return server_sent_event("plan", data)
+
+    made = make_plan(problem, lambda better: report(event(better, final=False)))
+    seconds = time.perf_counter() - began
+    return Answer(event(made, final=True), seconds)
+
+
+def server_sent_event(name: str, data: Any) -> bytes:
+    """The bytes of an event whose data is JSON."""
+    return b"event: %s\ndata: %s\n\n" % (name.encode(), write_json(data))
+
+
+def make_plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Plan:
+    """planner.plan.plan, which only workers import: it takes seconds. Raises PlanningError, and Refusal where
+    the map has been deleted meanwhile."""
     from planner.plan import plan
 
     layer = problem.environment.map
     try:
-        made = plan(problem)
+        return plan(problem, improved)
     except FileNotFoundError:
         if layer is not None and not layer.directory.exists():
             raise Refusal("unknown-map", f"The map {layer.id} has been deleted.") from None
         raise
+
+
+def plan_document(problem: Problem, made: Plan) -> dict[str, Any]:
+    """The contract's answer to a problem; its arrays are numpy's. Raises AuditFailed."""
     drive, schedule = problem.robot.drive, made.schedule
     # JSON has no infinity, and orjson would write null without a word.
     scalars = np.array([made.duration, made.length, *asdict(made.certificate).values()])

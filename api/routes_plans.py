@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import AsyncIterator, Coroutine
 from typing import Any
 
 import anyio
 from fastapi import APIRouter, Request, Response
+from fastapi.responses import StreamingResponse
 
 from api.answers import PlanAnswer
 from api.convert import to_problem
-from api.errors import FieldErrors, Refusal
+from api.errors import FieldErrors, Refusal, problem_document
 from api.http import problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
-from api.planning import Answer, answer_plan
+from api.planning import Answer, answer_plan, server_sent_event, stream_plan
 from api.schemas import PlanRequest
-from api.workers import Pool
 from planner.errors import PlanningError
+from planner.problem import Problem
 
 __all__ = ["router"]
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
-_FORMATS = {"json": "application/json", "csv": "text/csv"}
+_FORMATS = {"json": "application/json", "csv": "text/csv", "events": "text/event-stream"}
 _GONE = 499
 
 
@@ -33,7 +34,12 @@ _GONE = 499
     summary="Plan a motion",
     response_model=PlanAnswer,
     responses={
-        200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
+        200: {
+            "content": {
+                "text/csv": {"schema": {"type": "string"}},
+                "text/event-stream": {"schema": {"type": "string"}},
+            }
+        },
         **problems(
             "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request",
             "invalid-geometry", "start-in-collision", "goal-in-collision", "start-out-of-bounds",
@@ -44,27 +50,71 @@ _GONE = 499
     openapi_extra=request_body(PlanRequest),
 )  # fmt: skip
 async def create_plan(request: Request, format: str | None = None) -> Response:
-    """A certified schedule of wheel speeds from start to goal, or the reason why there is none."""
+    """A certified schedule of wheel speeds from start to goal, or the reason why there is none.
+
+    As text/event-stream, with effort best: each better plan as it is found. An event `plan` holds
+    {"plan": what the JSON answer would be, "elapsed": s of planning, "final": whether it is the last}; an
+    event `problem` holds the problem document, where the rest of the work was lost after a first plan.
+    """
     state, settings = request.app.state, settings_of(request)
     media_type = _media_type(request, format)
-    compress = accepts_gzip(request.headers.get("accept-encoding"))
     asked = await read_model(request, PlanRequest)
     problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
-    pool: Pool = state.pool
-    metrics: Metrics = state.metrics
     deadline = problem.options.time_budget + settings.deadline_grace
+    if media_type == "text/event-stream":
+        events: asyncio.Queue[bytes | None] = asyncio.Queue()
+        work = state.pool.run(stream_plan, problem, deadline=deadline, progress=events.put_nowait)
+        return await _stream(request, _counted(request, problem, work), events)
+    compress = accepts_gzip(request.headers.get("accept-encoding"))
+    work = state.pool.run(answer_plan, problem, media_type, compress, deadline=deadline)
+    answer: Answer | None = await while_connected(request, _counted(request, problem, work))
+    if answer is None:
+        return Response(status_code=_GONE)
+    headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
+    return Response(answer.body, 200, headers, media_type)
+
+
+async def _counted(request: Request, problem: Problem, work: Coroutine[Any, Any, Answer]) -> Answer:
+    metrics: Metrics = request.app.state.metrics
     try:
-        answer: Answer | None = await while_connected(
-            request, pool.run(answer_plan, problem, media_type, compress, deadline=deadline)
-        )
+        answer = await work
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
-    if answer is None:
-        return Response(status_code=_GONE)
     metrics.planning.labels(problem.robot.drive.kind).observe(answer.seconds)
-    headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
-    return Response(answer.body, 200, headers, media_type)
+    return answer
+
+
+async def _stream(
+    request: Request, work: Coroutine[Any, Any, Answer], events: asyncio.Queue[bytes | None]
+) -> Response:
+    """The events as they come, then the work's answer. Raises what the work raises before the first event."""
+    job = asyncio.ensure_future(work)
+    gone = asyncio.ensure_future(_disconnect(request))
+    for end in (job, gone):
+        end.add_done_callback(lambda _: events.put_nowait(None))
+    first = await events.get()
+    if first is None and job.done() and job.exception() is not None:
+        gone.cancel()
+        await job
+
+    async def body() -> AsyncIterator[bytes]:
+        try:
+            event = first
+            while event is not None:
+                yield event
+                event = await events.get()
+            if job.done():
+                try:
+                    yield job.result().body
+                except (PlanningError, Refusal) as error:
+                    yield server_sent_event("problem", problem_document(error))
+        finally:
+            job.cancel()
+            gone.cancel()
+
+    headers = {"Vary": "Accept, Accept-Encoding", "Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(body(), 200, headers, "text/event-stream")
 
 
 async def while_connected(request: Request, work: Coroutine[Any, Any, Any]) -> Any:

@@ -28,7 +28,7 @@ from typing import Any
 from api.errors import Refusal
 from api.log import log
 
-__all__ = ["Pool"]
+__all__ = ["Pool", "report"]
 
 
 _RETRY_AFTER = 1
@@ -43,6 +43,11 @@ class _Job:
     payload: bytes
     deadline: float
     answer: asyncio.Future[Any]
+    progress: Callable[[Any], None] | None
+
+    def reported(self, value: Any) -> None:
+        if self.progress is not None and not self.answer.done():
+            self.progress(value)
 
 
 @dataclass(eq=False, slots=True)
@@ -98,16 +103,28 @@ class Pool:
         """Jobs that wait for a worker."""
         return max(0, len(self._waiting) - self._idle)
 
+    @property
+    def spare(self) -> int:
+        """Idle workers that no queued job will take."""
+        return max(0, self._idle - len(self._waiting))
+
     def start(self) -> None:
         """Begins to start the workers; `ready` once the first is up."""
         for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ.setdefault(variable, "1")
         self._keepers = [asyncio.create_task(self._keep()) for _ in range(self.size)]
 
-    async def run(self, function: Callable[..., Any], *args: Any, deadline: float) -> Any:
+    async def run(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        deadline: float,
+        progress: Callable[[Any], None] | None = None,
+    ) -> Any:
         """What function(*args) returns or raises in a worker. The function is one of a module's.
 
-        deadline s from the moment a worker takes the job. If the caller is cancelled, so is the job. Raises
+        deadline s from the moment a worker takes the job. progress is called, in the event loop, with each
+        value that the function hands to `report`. If the caller is cancelled, so is the job. Raises
         Refusal: draining, overloaded, deadline-exceeded, worker-crashed.
         """
         if not self.ready:
@@ -117,7 +134,8 @@ class Pool:
             self.shed += 1
             detail = f"{self.queued} plans already wait for {self.size} workers."
             raise Refusal("overloaded", detail, retry_after=_RETRY_AFTER)
-        job = _Job(pickle.dumps((function, args)), deadline, asyncio.get_running_loop().create_future())
+        payload = pickle.dumps((function, args, progress is not None))
+        job = _Job(payload, deadline, asyncio.get_running_loop().create_future(), progress)
         self._waiting.add(job)
         self._unanswered.add(job.answer)
         self._jobs.put_nowait(job)
@@ -171,9 +189,16 @@ class Pool:
 
     async def _carry(self, worker: _Worker, job: _Job) -> bool:
         """Has the worker do the job. False: the worker is dead or dying."""
-        exchange = asyncio.get_running_loop().run_in_executor(
-            self._threads, _exchange, worker.pipe, job.payload
-        )
+        loop = asyncio.get_running_loop()
+
+        def exchange_() -> tuple[bool, Any]:
+            worker.pipe.send_bytes(job.payload)
+            while (message := pickle.loads(worker.pipe.recv_bytes()))[0] is None:
+                loop.call_soon_threadsafe(job.reported, message[1])
+            done, outcome = message
+            return done, outcome
+
+        exchange = loop.run_in_executor(self._threads, exchange_)
         # At shutdown nobody is left to hear how it ended.
         exchange.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
         await asyncio.wait({exchange, job.answer}, timeout=job.deadline, return_when=asyncio.FIRST_COMPLETED)
@@ -242,10 +267,14 @@ class Pool:
         return worker
 
 
-def _exchange(pipe: Connection, payload: bytes) -> tuple[bool, Any]:
-    pipe.send_bytes(payload)
-    done, outcome = pickle.loads(pipe.recv_bytes())
-    return done, outcome
+_listener: Connection | None = None
+"""In a worker: where the caller of the present job hears of its progress, if it wants to."""
+
+
+def report(value: Any) -> None:
+    """Tells the caller of the present job how far it is. Outside a worker, or where nobody asked: nothing."""
+    if _listener is not None:
+        _listener.send_bytes(pickle.dumps((None, value), pickle.HIGHEST_PROTOCOL))
 
 
 def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str]) -> None:
@@ -262,12 +291,14 @@ def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str]) -> Non
     with suppress(EOFError, OSError):
         pipe.send_bytes(b"up")
         while True:
-            pipe.send_bytes(_outcome(pipe.recv_bytes()))
+            pipe.send_bytes(_outcome(pipe, pipe.recv_bytes()))
 
 
-def _outcome(payload: bytes) -> bytes:
+def _outcome(pipe: Connection, payload: bytes) -> bytes:
+    global _listener
     try:
-        function, args = pickle.loads(payload)
+        function, args, listens = pickle.loads(payload)
+        _listener = pipe if listens else None
         return pickle.dumps((True, function(*args)), pickle.HIGHEST_PROTOCOL)
     except BaseException as error:
         error.add_note(traceback.format_exc())

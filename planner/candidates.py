@@ -47,65 +47,65 @@ class Candidate:
     optimized: bool = False
 
 
-def candidates(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> list[Candidate]:
-    """Motions to choose from, the fastest first; at least one, or a PlanningError.
+def candidates(
+    problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch
+) -> Iterator[list[Candidate]]:
+    """Motions to choose from, each list with the fastest first; at least one motion, or a PlanningError.
 
-    Effort first: one, with stops. Good: a few, and what optimizing the best of them gives. Best: as many
-    as time allows, each optimized.
+    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives.
+    Best: list after list as time allows, of whatever is found: with stops, then optimized.
     """
-    effort, drive = problem.options.effort, problem.robot.drive
+    effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
-    found: list[Candidate] = []
 
-    def optimize(near: Candidate, rounds: int) -> bool:
+    def optimized(near: Candidate, rounds: int) -> list[Candidate]:
         faster = optimizer.faster(near.timed, rounds)
-        if faster is not None:
-            found.append(Candidate(near.planner, faster, optimized=True))
         watch.lap("optimize")
-        return faster is not None
+        return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
 
-    def bow(near: Candidate) -> None:
+    def bow(near: Candidate) -> list[Candidate]:
         driven = [phase for phase in near.timed.phases if isinstance(phase, Driven)]
+        faster = None
         if drive.settled is not drive and len(driven) == 1 and isinstance(driven[0].piece, LinePiece):
             faster = bowed(driven[0].piece, near.timed, problem, local.world, watch.is_over)
-            if faster is not None:
-                found.append(Candidate(near.planner, faster, optimized=True))
             watch.lap("optimize")
+        return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
 
     if effort == "best":
         known: set[float] = set()
         for near in _stopping(problem, local, goals, watch):
-            found.append(near)
+            yield _hastened([near], limits)
             # A search often finds the same way again.
             duration = round(near.timed.duration, 6)
-            over = watch.is_over(optimizer.longest)
-            if duration not in known and not over and not optimize(near, _BEST_ROUNDS):
-                bow(near)
+            if duration not in known and not watch.is_over(optimizer.longest):
+                yield optimized(near, _BEST_ROUNDS) or bow(near)
             known.add(duration)
-    else:
-        found += _stopping(problem, local, goals, watch)
-        # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
-        if effort == "good" and drive.settled is drive:
-            found.sort(key=lambda near: flowing_time(near.timed, problem.robot.limits))
-            for near in found[:_GOOD_TRIES]:
-                if watch.is_over() or optimize(near, _GOOD_ROUNDS):
-                    break
+        return
+    found = list(_stopping(problem, local, goals, watch))
+    # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
+    if effort == "good" and drive.settled is drive:
+        found.sort(key=lambda near: flowing_time(near.timed, limits))
+        for near in found[:_GOOD_TRIES]:
+            if watch.is_over():
+                break
+            if faster := optimized(near, _GOOD_ROUNDS):
+                found += faster
+                break
     found.sort(key=_duration)
-    if effort != "first":
-        _hasten(found, problem.robot.limits)
-        watch.lap("optimize")
-    return found
+    yield found if effort == "first" else _hastened(found, limits)
+    watch.lap("optimize")
 
 
-def _hasten(found: list[Candidate], limits: Limits) -> None:
-    """Retime those that may become the fastest, and put the fastest first again."""
+def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:
+    """Those that may become the fastest retimed, the fastest first."""
     best = math.inf
+    found = list(found)
     for i, near in enumerate(found):
         if _HASTE * near.timed.duration < best:
             if not near.optimized:
                 found[i] = replace(near, timed=hastened(near.timed, limits))
             best = min(best, found[i].timed.duration)
-    found.sort(key=_duration)
+    return sorted(found, key=_duration)
 
 
 def _duration(candidate: Candidate) -> float:

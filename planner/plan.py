@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from drives.drive import BodyPath
 from drives.se2 import Pose, wrap
-from planner.candidates import candidates
-from planner.connect import connector
+from planner.candidates import Candidate, candidates
+from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import AuditFailed, PlanningError, PoseInCollision, PoseOutOfBounds
 from planner.problem import Problem
@@ -37,8 +38,11 @@ class Plan:
     planning: dict[str, Any]
 
 
-def plan(problem: Problem) -> Plan:
-    """A certified plan for the problem, or a PlanningError that says why there is none."""
+def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Plan:
+    """A certified plan for the problem, or a PlanningError that says why there is none.
+
+    improved: told, at effort best, of each certified plan found on the way, faster than the one before.
+    """
     watch = Stopwatch(problem.options.time_budget)
     robot, options = problem.robot, problem.options
     world = CollisionWorld.build(
@@ -49,27 +53,42 @@ def plan(problem: Problem) -> Plan:
         return _standing(problem, world, watch)
     local = connector(robot, world, options)
     watch.lap("prepare")
+    best: Plan | None = None
     refused: PlanningError | None = None
-    for best in candidates(problem, local, goals, watch):
-        made = schedule(best.timed, options.sample_period)
-        watch.lap("schedule")
-        try:
-            certificate = verify(problem, made, world)
-        except AuditFailed as failure:
-            refused = refused or failure
-            continue
-        finally:
-            watch.lap("verify")
-        about = {
-            "planner": best.planner,
-            "state_space": local.state_space,
-            "optimized": best.optimized,
-            "stops": _stops(made),
-        }
-        way = float(np.hypot(*np.diff(made.pose[:, :2], axis=0).T).sum())
-        return Plan(best.timed.duration, way, made, certificate, _planning(problem, watch, **about))
-    assert refused is not None
-    raise refused
+    for found in candidates(problem, local, goals, watch):
+        for candidate in found:
+            if best is not None and candidate.timed.duration >= best.duration:
+                break
+            try:
+                best = _certified(problem, world, local, candidate, watch)
+            except AuditFailed as failure:
+                refused = refused or failure
+            else:
+                if improved is not None and options.effort == "best":
+                    improved(best)
+    if best is None:
+        assert refused is not None
+        raise refused
+    return replace(best, planning=best.planning | {"timings": watch.timings()})
+
+
+def _certified(
+    problem: Problem, world: CollisionWorld, local: Connector, candidate: Candidate, watch: Stopwatch
+) -> Plan:
+    made = schedule(candidate.timed, problem.options.sample_period)
+    watch.lap("schedule")
+    try:
+        certificate = verify(problem, made, world)
+    finally:
+        watch.lap("verify")
+    about = {
+        "planner": candidate.planner,
+        "state_space": local.state_space,
+        "optimized": candidate.optimized,
+        "stops": _stops(made),
+    }
+    way = float(np.hypot(*np.diff(made.pose[:, :2], axis=0).T).sum())
+    return Plan(candidate.timed.duration, way, made, certificate, _planning(problem, watch, **about))
 
 
 def _stops(made: WheelSchedule) -> int:

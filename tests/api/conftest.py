@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -49,8 +50,10 @@ class InlinePool(Pool):
     def start(self) -> None:
         pass
 
-    async def run(self, function: Callable[..., Any], *args: Any, deadline: float) -> Any:
-        return await asyncio.to_thread(function, *args)
+    async def run(self, function: Callable[..., Any], *args: Any, **how: Any) -> Any:
+        loop, progress = asyncio.get_running_loop(), how.get("progress")
+        with patch("api.planning.report", lambda value: loop.call_soon_threadsafe(progress, value)):
+            return await asyncio.to_thread(function, *args)
 
 
 class FakePlanner:
@@ -60,18 +63,26 @@ class FakePlanner:
         self.problem: Problem | None = None
         self.raises: BaseException | None = None
         self.duration = 0.04
+        self.before: list[float] = []
+        """Durations of the plans that it tells of on the way."""
 
-    def __call__(self, problem: Problem) -> Plan:
+    def __call__(self, problem: Problem, improved: Callable[[Plan], None] | None = None) -> Plan:
         self.problem = problem
+        for duration in self.before:
+            assert improved is not None
+            improved(self.made(duration))
         if self.raises is not None:
             raise self.raises
+        return self.made(self.duration)
+
+    def made(self, duration: float) -> Plan:
+        assert self.problem is not None
+        problem = self.problem
         m, k = len(problem.robot.drive.wheel_names), len(problem.robot.drive.steered_names)
         columns = [np.arange(3.0 * n).reshape(3, n) + n / 10 for n in (m, m, m, k, k, 3, 3)]
         schedule = WheelSchedule(np.array([0.0, 0.02, 0.04]), *columns)
         certificate = Certificate(**{field.name: 0.0 for field in fields(Certificate)})
-        return Plan(
-            self.duration, 0.1, schedule, certificate, {"planner": "fake", "seed": problem.options.seed}
-        )
+        return Plan(duration, 0.1, schedule, certificate, {"planner": "fake", "seed": problem.options.seed})
 
 
 @pytest.fixture

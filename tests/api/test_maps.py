@@ -163,7 +163,7 @@ def test_a_map_deleted_while_it_is_planned_on_is_unknown(client, body, planner_)
         np.load(problem.environment.map.directory / "cells.npy")
 
     planner_.__class__ = type(
-        "Deleting", (planner_.__class__,), {"__call__": lambda _, problem: plan(problem)}
+        "Deleting", (planner_.__class__,), {"__call__": lambda _, problem, improved: plan(problem)}
     )
     answer = client.post("/v1/plans", json=body)
     assert (answer.status_code, answer.json()["code"]) == (404, "unknown-map")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from api.convert import to_problem
 from api.maps import MapStore
-from api.planning import plan_document
+from api.planning import make_plan, plan_document
 from api.schemas import PlanRequest
 from api.strict_json import read_json
 from api.validation import validated
@@ -19,7 +19,8 @@ def test_the_curl_is_answered_with_what_is_printed(tmp_path: Path) -> None:
     curl = re.search(r"curl .*?/v1/plans -d '(.*?)'", README, re.DOTALL)
     assert curl, "the README shows no curl"
     request = validated(PlanRequest, read_json(curl.group(1).encode()))
-    plan = plan_document(to_problem(request, MapStore(tmp_path, 1).layer, 30.0))
+    problem = to_problem(request, MapStore(tmp_path, 1).layer, 30.0)
+    plan = plan_document(problem, make_plan(problem))
 
     answer = README[curl.end() :].partition("With `?format=csv`")[0]
     given = set(plan).union(*(plan[part] for part in ("schedule", "trajectory", "certificate", "planning")))

@@ -10,7 +10,7 @@ import pytest
 
 from api.convert import to_problem
 from api.maps import MapStore, decode_map
-from api.planning import plan_document
+from api.planning import make_plan, plan_document
 from api.schemas import PlanRequest
 from api.strict_json import read_json
 from api.validation import validated
@@ -58,7 +58,7 @@ def test_those_in_the_warehouse_lack_only_the_id() -> None:
 @pytest.mark.parametrize("file", REQUESTS)
 def test_is_planned(file: Path, tmp_path: Path) -> None:
     asked = problem(file, MapStore(tmp_path, 1))
-    plan = plan_document(asked)
+    plan = plan_document(asked, make_plan(asked))
     assert plan["duration"] > 0
     for name in ("x", "y"):
         assert plan["trajectory"][name][-1] == pytest.approx(getattr(asked.goal, name), abs=1e-3)

@@ -264,6 +264,20 @@ def test_effort_best_uses_its_time_and_no_more(ask: Ask, clutter: Environment) -
 # ---------------------------------------------------------------- goals
 
 
+def test_effort_best_tells_of_each_certified_plan_faster_than_the_one_before(
+    ask: Ask, clutter: Environment
+) -> None:
+    told: list[Plan] = []
+    final = plan(
+        ask("differential", *JOURNEYS["clutter"], clutter, effort="best", time_budget=1.5), told.append
+    )
+    durations = [made.duration for made in told]
+    assert len(durations) > 1
+    assert np.all(np.diff(durations) < 0.0)
+    assert final.duration == durations[-1]
+    assert all(keeps_limits(made) and closes(made) for made in told)
+
+
 @every_drive
 def test_goal_without_heading_takes_any(ask: Ask, kind: str) -> None:
     made = plan(ask(kind, (0.0, 0.0, 0.4), (2.0, -1.0, None)))

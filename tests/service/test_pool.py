@@ -10,10 +10,21 @@ import time
 import pytest
 
 from api.errors import Refusal
-from api.workers import Pool
+from api.workers import Pool, report
 
 HANG = (sum, range(10**12))
 """Never ends, and never lets go of the interpreter's lock."""
+
+
+def reporting(n):
+    for i in range(n):
+        report(i)
+    return n
+
+
+def reporting_then(function):
+    report("begun")
+    function()
 
 
 def run(promise, size=1, queue_length=10, **more):
@@ -161,6 +172,38 @@ def test_a_caller_who_leaves_the_queue_is_never_served():
         assert pool.restarts == 0
 
     run(promise)
+
+
+def test_a_caller_who_asked_hears_what_the_job_reports_in_order_and_before_its_answer():
+    async def promise(pool):
+        heard = []
+        assert await pool.run(reporting, 3, deadline=5, progress=heard.append) == 3
+        assert heard == [0, 1, 2]
+        assert await pool.run(reporting, 3, deadline=5) == 3
+        assert heard == [0, 1, 2]
+        assert await refusal(pool.run(reporting_then, os.abort, deadline=5, progress=heard.append))
+        assert heard == [0, 1, 2, "begun"]
+
+    run(promise)
+
+
+def test_reporting_outside_a_worker_does_nothing():
+    assert reporting(2) == 2
+
+
+def test_workers_are_spare_unless_they_work_or_a_waiting_job_will_take_them():
+    async def promise(pool):
+        await until(lambda: pool.spare == 2)
+        task = asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5))
+        await asyncio.sleep(0)
+        assert pool.spare == 1
+        more = [asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5)) for _ in range(3)]
+        await asyncio.sleep(0)
+        assert pool.spare == 0
+        await asyncio.gather(task, *more)
+        await until(lambda: pool.spare == 2)
+
+    run(promise, size=2)
 
 
 def test_jobs_are_done_first_come_first_served():
