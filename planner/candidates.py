@@ -15,7 +15,7 @@ from planner.bow import bowed
 from planner.connect import Connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
-from planner.guess import flowing_time
+from planner.guess import flowing_time, reversals
 from planner.optimize import Optimizer
 from planner.path import LinePiece, Path
 from planner.problem import Problem
@@ -31,8 +31,13 @@ __all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
 MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
-_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, 3
-_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
+_DIRECT_CANDIDATES, _GOOD_CANDIDATES, _GOOD_MOST = 6, 3, 6
+"""Ways to the goal; among which one should not turn back, or else there are more."""
+_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
+_WORK = 1200
+"""Motions that may be checked to find other ways than direct ones."""
+_HOPE = 0.92
+"""Share of its flowing time that another motion may take once it is optimized, where the best turns back."""
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
@@ -85,12 +90,14 @@ def candidates(
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
         found.sort(key=lambda near: flowing_time(near.timed, limits))
+        least = math.inf
         for near in found[:_GOOD_TRIES]:
-            if watch.is_over():
+            if flowing_time(near.timed, limits) >= least or watch.is_over():
                 break
             if faster := optimized(near, _GOOD_ROUNDS):
                 found += faster
-                break
+                hope = _HOPE if reversals(near.timed) else 1.0
+                least = min(least, faster[0].timed.duration / hope)
     found.sort(key=_duration)
     yield found if effort == "first" else _hastened(found, limits)
     watch.lap("optimize")
@@ -118,15 +125,22 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
     search = Search(local, problem.environment, problem.start, goals, options.seed)
     enough = {"first": 1, "good": _GOOD_CANDIDATES, "best": math.inf}[options.effort]
     count = 0
+    turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
     found = list(islice(direct, 1))
     if not found:
         _refuse_if_separated(problem, local.world)
-    ways: Iterator[tuple[str, Path]] = (("direct", path) for path in chain(found, direct))
-    if not found or options.effort == "best":
-        ways = chain(ways, search.paths(watch.is_over))
-    for planner, path in ways:
+
+    def ways() -> Iterator[tuple[str, Path]]:
+        for path in chain(found, direct):
+            yield "direct", path
+        if count and options.effort == "good":
+            search.allowance = _WORK
+        if not count or options.effort == "best" or turns_back:
+            yield from search.paths(watch.is_over)
+
+    for planner, path in ways():
         watch.lap("search")
         if planner != "direct":
             if count and watch.is_over():
@@ -139,13 +153,16 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             watch.lap("time")
             yield Candidate(planner, timed)
             count += 1
+            turns_back = turns_back and reversals(timed) > 0
         except LimitsInfeasible as error:
             refused = refused or error
-        if watch.is_over() or (count >= enough and not (planner == "direct" and options.effort == "good")):
+        if options.effort == "good":
+            enough = (_GOOD_MOST if turns_back else _GOOD_CANDIDATES) + (_DIRECT_CANDIDATES if found else 0)
+        if count >= enough or watch.is_over():
             break
         if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.
-            search.allowance = 2 * search.work + 200
+            search.allowance = 2 * search.work + (_WORK if turns_back else 200)
     if count == 0:
         raise refused or NoPathFound(
             f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried

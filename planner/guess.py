@@ -17,7 +17,7 @@ from drives.se2 import Array
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
 
-__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "ramp_time", "sampled"]
+__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "ramp_time", "reversals", "sampled"]
 
 Coordinates = Literal["twist", "unicycle", "car"]
 """(vx, vy, omega), (v, omega) or (v, curvature), see trajectory.Flowing."""
@@ -48,10 +48,18 @@ class Guess:
 
 def flowing_time(motion: Phases, limits: Limits) -> float:
     """About how long (s) a motion would take if it only stopped where it changes direction."""
-    cruise, _, twist = _cruising(motion, limits)
-    forward = np.sign(twist[np.abs(twist[:, 0]) > _STILL, 0]) if not twist[:, 1].any() else np.zeros(0)
-    turns = np.count_nonzero(np.diff(forward))
-    return float(cruise[-1]) + (1 + turns) * ramp_time(limits)
+    cruise, _, _ = _cruising(motion, limits)
+    return float(cruise[-1]) + (1 + reversals(motion)) * ramp_time(limits)
+
+
+def reversals(motion: Phases) -> int:
+    """How often a motion that drives where it heads turns back."""
+    pieces = [phase.piece for phase in motion.phases if isinstance(phase, Driven)]
+    tangent = np.array([piece.body_path(np.array([0.5])).tangent[0] for piece in pieces])
+    if tangent[:, 1].any():
+        return 0
+    forward = np.sign(tangent[np.abs(tangent[:, 0]) > _STILL, 0])
+    return int(np.count_nonzero(np.diff(forward)))
 
 
 def flowing(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
