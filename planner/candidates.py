@@ -16,7 +16,7 @@ from planner.connect import Connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time, reversals
-from planner.optimize import Optimizer
+from planner.optimize import Optimizer, is_far
 from planner.path import LinePiece, Path
 from planner.problem import Problem
 from planner.retime import hastened
@@ -99,8 +99,10 @@ def candidates(
                 hope = _HOPE if reversals(near.timed) else 1.0
                 least = min(least, faster[0].timed.duration / hope)
     found.sort(key=_duration)
-    yield found if effort == "first" else _hastened(found, limits)
-    watch.lap("optimize")
+    if effort == "good":
+        found = _hastened(found, limits)
+        watch.lap("optimize")
+    yield found
 
 
 def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:
@@ -153,7 +155,7 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             watch.lap("time")
             yield Candidate(planner, timed)
             count += 1
-            turns_back = turns_back and reversals(timed) > 0
+            turns_back = turns_back and reversals(timed) > 0 and not is_far(timed, local.world)
         except LimitsInfeasible as error:
             refused = refused or error
         if options.effort == "good":

@@ -103,7 +103,8 @@ def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
 
 def ramp_time(limits: Limits) -> float:
     """Time (s) from rest to full speed."""
-    return float((limits.wheel_speed / limits.wheel_acceleration).max())
+    ramps = limits.wheel_speed / limits.wheel_acceleration + limits.wheel_acceleration / limits.wheel_jerk
+    return float(ramps.max())
 
 
 def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:

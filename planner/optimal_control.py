@@ -1,5 +1,5 @@
 """The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. This
-file and retime.py import casadi.
+file, retime.py and stagewise.py import casadi.
 
 Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
 linear in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions
@@ -48,9 +48,9 @@ class Shape:
     """What a compiled solver is for: all else are its parameters.
 
     coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
-    to at every knot, and halfway to the next. jerk: whether wheel jerks are limited. given: what of the state it begins in is; a car
-    at rest may begin with any curvature, or with any rate of the curvature. forward: whether it must not
-    go backwards.
+    to at every knot, and halfway to the next. jerk: whether wheel jerks are limited. given: what of the state
+    it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature. forward:
+    whether it must not go backwards.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]

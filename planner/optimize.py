@@ -22,7 +22,7 @@ from planner.retime import hastened
 from planner.schedule import WheelSchedule
 from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
 
-__all__ = ["Optimizer"]
+__all__ = ["Optimizer", "is_far"]
 
 _KNOTS = (16, 24, 32, 48, 64, 96)
 _INTERVAL, _SPACING = 0.3, 0.35
@@ -34,7 +34,7 @@ _GAIN = 0.99
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
 _FAR, _LOOK = 0.5, 0.1
-"""Clearance (m) of a motion from which on it is tried without obstacles, and time (s) between looks at it."""
+"""Clearance (m) of a motion from which on it is optimized without obstacles, and time (s) between looks at it."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 
@@ -63,7 +63,7 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         limits = self.problem.robot.limits
-        if self._is_far(motion):
+        if is_far(motion, self.world):
             knots = _knots(motion, limits, math.inf)
             guess = self._guess(motion, knots)
             found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
@@ -83,11 +83,6 @@ class Optimizer:
             if done or self.is_over(self.longest):
                 break
         return None if best is motion else best
-
-    def _is_far(self, motion: Phases) -> bool:
-        """Whether obstacles are so far from a motion that it may be tried without them."""
-        times = np.linspace(0.0, motion.duration, math.ceil(motion.duration / _LOOK) + 1)
-        return float(self.world.clearance(motion.sample(times).pose).min()) > _FAR
 
     def _near(self, motion: Phases, knots: int) -> Phases | None:
         """The fastest free motion on the same side of all obstacles as a free one, or None."""
@@ -272,6 +267,12 @@ class Optimizer:
         except InadmissibleTwist:
             return None
         return Phases(drive, tuple(phases))
+
+
+def is_far(motion: Phases, world: CollisionWorld) -> bool:
+    """Whether obstacles are so far from a motion that it may be optimized without them."""
+    times = np.linspace(0.0, motion.duration, math.ceil(motion.duration / _LOOK) + 1)
+    return float(world.clearance(motion.sample(times).pose).min()) > _FAR
 
 
 def _slowed_by(motion: Flowing, slower: float) -> Flowing:
