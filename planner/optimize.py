@@ -34,7 +34,7 @@ _GAIN = 0.99
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
 _FAR, _LOOK = 0.5, 0.1
-"""Clearance (m) of a motion from which on it is optimized without obstacles, and time (s) between looks at it."""
+"""Clearance (m) of a motion from which on it is optimized without obstacles; time (s) between looks at it."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 
