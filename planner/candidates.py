@@ -155,7 +155,7 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             watch.lap("time")
             yield Candidate(planner, timed)
             count += 1
-            turns_back = turns_back and reversals(timed) > 0 and not is_far(timed, local.world)
+            turns_back = turns_back and reversals(timed) > 0 and not is_far(timed, robot.limits, local.world)
         except LimitsInfeasible as error:
             refused = refused or error
         if options.effort == "good":

@@ -8,7 +8,8 @@ smoothed by a moving average over the time that it takes to get to speed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from drives.se2 import Array
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
 
-__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "ramp_time", "reversals", "sampled"]
+__all__ = ["Coordinates", "Guess", "cruising", "flowing", "flowing_time", "ramp_time", "reversals", "sampled"]
 
 Coordinates = Literal["twist", "unicycle", "car"]
 """(vx, vy, omega), (v, omega) or (v, curvature), see trajectory.Flowing."""
@@ -48,8 +49,7 @@ class Guess:
 
 def flowing_time(motion: Phases, limits: Limits) -> float:
     """About how long (s) a motion would take if it only stopped where it changes direction."""
-    cruise, _, _ = _cruising(motion, limits)
-    return float(cruise[-1]) + (1 + reversals(motion)) * ramp_time(limits)
+    return float(cruising(motion, limits).time[-1]) + (1 + reversals(motion)) * ramp_time(limits)
 
 
 def reversals(motion: Phases) -> int:
@@ -64,7 +64,7 @@ def reversals(motion: Phases) -> int:
 
 def flowing(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
     """A motion from stop to stop as if it flowed. Its poses stay on the path, which is known to be free."""
-    cruise, pose, twist = _cruising(motion, limits)
+    cruise, pose, twist = cruising(motion, limits)
     ramp = ramp_time(limits)
     time = np.linspace(0.0, cruise[-1] + ramp, knots + 1)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
@@ -107,8 +107,17 @@ def ramp_time(limits: Limits) -> float:
     return float(ramps.max())
 
 
-def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:
-    """Time (n,), poses and twists (n, 3) along the pieces of a motion, always as fast as rates allow."""
+class Cruise(NamedTuple):
+    """Time (n,), poses and twists (n, 3)."""
+
+    time: Array
+    pose: Array
+    twist: Array
+
+
+@lru_cache(maxsize=16)
+def cruising(motion: Phases, limits: Limits) -> Cruise:
+    """Along the pieces of a motion, always as fast as rates allow."""
     times, poses, twists = [], [], []
     begin = 0.0
     for phase in motion.phases:
@@ -120,7 +129,7 @@ def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:
             poses.append(phase.piece.poses(_SHARES))
             twists.append(path.tangent * speed[:, None])
             begin = float(times[-1][-1])
-    return np.concatenate(times), np.concatenate(poses), np.concatenate(twists)
+    return Cruise(np.concatenate(times), np.concatenate(poses), np.concatenate(twists))
 
 
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:

@@ -14,7 +14,7 @@ from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
 from planner.corridor import half_planes
 from planner.environment import CollisionWorld
-from planner.guess import Coordinates, Guess, flowing, flowing_time, ramp_time, sampled
+from planner.guess import Coordinates, Guess, cruising, flowing, flowing_time, ramp_time, sampled
 from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
@@ -33,8 +33,8 @@ _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
-_FAR, _LOOK = 0.5, 0.1
-"""Clearance (m) of a motion from which on it is optimized without obstacles; time (s) between looks at it."""
+_FAR = 0.5
+"""Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 
@@ -63,7 +63,7 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         limits = self.problem.robot.limits
-        if is_far(motion, self.world):
+        if is_far(motion, limits, self.world):
             knots = _knots(motion, limits, math.inf)
             guess = self._guess(motion, knots)
             found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
@@ -269,10 +269,9 @@ class Optimizer:
         return Phases(drive, tuple(phases))
 
 
-def is_far(motion: Phases, world: CollisionWorld) -> bool:
-    """Whether obstacles are so far from a motion that it may be optimized without them."""
-    times = np.linspace(0.0, motion.duration, math.ceil(motion.duration / _LOOK) + 1)
-    return float(world.clearance(motion.sample(times).pose).min()) > _FAR
+def is_far(motion: Phases, limits: Limits, world: CollisionWorld) -> bool:
+    """Whether obstacles are so far from a motion with stops that it may be optimized without them."""
+    return float(world.clearance(cruising(motion, limits).pose).min()) > _FAR
 
 
 def _slowed_by(motion: Flowing, slower: float) -> Flowing:
@@ -282,10 +281,12 @@ def _slowed_by(motion: Flowing, slower: float) -> Flowing:
 
 
 def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
-    stops = any(isinstance(phase, Driven) for phase in motion.phases)
-    time = flowing_time(motion, limits) if stops else motion.duration
-    fine = motion.sample(np.linspace(0.0, motion.duration, max(200, math.ceil(motion.duration / 0.1))))
-    wanted = max(time / _INTERVAL, _way(fine.pose) / spacing)
+    if any(isinstance(phase, Driven) for phase in motion.phases):
+        time, poses = flowing_time(motion, limits), cruising(motion, limits).pose
+    else:
+        time = motion.duration
+        poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
+    wanted = max(time / _INTERVAL, _way(poses) / spacing)
     most = math.ceil(wanted) if math.isfinite(spacing) else _KNOTS[-1]
     return next((n for n in _KNOTS if wanted <= n), most)
 
