@@ -155,12 +155,15 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             watch.lap("time")
             yield Candidate(planner, timed)
             count += 1
-            turns_back = turns_back and reversals(timed) > 0 and not is_far(timed, robot.limits, local.world)
         except LimitsInfeasible as error:
             refused = refused or error
-        if options.effort == "good":
-            enough = (_GOOD_MOST if turns_back else _GOOD_CANDIDATES) + (_DIRECT_CANDIDATES if found else 0)
-        if count >= enough or watch.is_over():
+        else:
+            if options.effort == "good" and turns_back:
+                # On an open floor no way is better than a direct one.
+                turns_back = reversals(timed) > 0 and not is_far(timed, robot.limits, local.world)
+                enough = _GOOD_MOST if turns_back else _GOOD_CANDIDATES
+        direct_ones = _DIRECT_CANDIDATES if found and options.effort == "good" else 0
+        if count >= enough + direct_ones or watch.is_over():
             break
         if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.duration.queries import query
+from benchmarks.duration.reference import load
 from drives import Ackermann, Differential, Mecanum, Swerve, Synchro, Tricycle
 from drives.drive import Drive, Limits
 from drives.se2 import Pose
@@ -47,6 +49,35 @@ def test_a_good_plan_on_open_floor_does_not_stop_and_is_faster_than_the_first(dr
     first, good = answer(problem, "first"), answer(problem, "good")
     assert good.planning["stops"] == 0
     assert good.duration < 0.99 * first.duration
+
+
+@pytest.mark.parametrize(
+    ("kind", "draw", "ratio"),
+    [("tricycle", 21, 1.15), ("tricycle", 22, 1.15), ("ackermann", 7, 1.15), ("skid_steer", 11, 1.05)],
+)
+def test_a_good_plan_in_clutter_does_not_stop_where_it_need_not(kind: str, draw: int, ratio: float) -> None:
+    """Where the first answer of the optimizer hits something, or direct ways turn back."""
+    (known,) = [known for known in load()[kind]["clutter"] if known.draw == draw]
+    made = answer(query(kind, "clutter", draw), "good")
+    assert made.planning["stops"] <= (1 if kind == "ackermann" else 0)
+    assert made.duration <= ratio * known.duration
+
+
+@pytest.mark.parametrize(("kind", "draw"), [("swerve", 2), ("swerve", 3), ("swedish", 3), ("tricycle", 3)])
+def test_a_jerk_limit_brings_no_stops_in_clutter(kind: str, draw: int) -> None:
+    problem = query(kind, "clutter", draw)
+    limits = problem.robot.limits
+    limited = replace(problem.robot, limits=replace(limits, wheel_jerk=10 * limits.wheel_acceleration))
+    made = answer(replace(problem, robot=limited), "good")
+    assert made.planning["stops"] == 0
+    assert made.duration <= 1.06 * answer(problem, "good").duration
+
+
+@pytest.mark.parametrize(("budget", "cut"), [(0.001, True), (20.0, False)])
+def test_a_good_plan_says_whether_the_time_budget_cut_it_short(budget: float, cut: bool) -> None:
+    options = Options(effort="good", time_budget=budget)
+    problem = Problem(robot(Differential(0.1, 0.5)), Pose(0, 0, 0), Goal(4.0, 1.0, 0.5), OPEN, options)
+    assert plan(problem).planning["cut_short"] is cut
 
 
 def test_the_best_plan_is_never_slower_than_the_good_one() -> None:
