@@ -31,13 +31,14 @@ __all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
 MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
-_DIRECT_CANDIDATES, _GOOD_CANDIDATES, _GOOD_MOST = 6, 3, 6
-"""Ways to the goal; among which one should not turn back, or else there are more."""
+_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (3, 4)
+"""Ways to the goal: direct ones; those found by search, and how many where all turn back."""
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
 _HOPE = 0.92
-"""Share of its flowing time that another motion may take once it is optimized, where the best turns back."""
+"""Share of its flowing time that a motion may take once it is optimized, where the best so far turns
+back."""
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
@@ -90,14 +91,18 @@ def candidates(
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
         found.sort(key=lambda near: flowing_time(near.timed, limits))
-        least = math.inf
+        best: tuple[float, Candidate] | None = None
         for near in found[:_GOOD_TRIES]:
-            if flowing_time(near.timed, limits) >= least or watch.is_over():
+            if watch.is_over():
                 break
+            if best is not None:
+                hope = _HOPE if reversals(best[1].timed) else 1.0
+                if hope * flowing_time(near.timed, limits) >= best[0]:
+                    break
             if faster := optimized(near, _GOOD_ROUNDS):
                 found += faster
-                hope = _HOPE if reversals(near.timed) else 1.0
-                least = min(least, faster[0].timed.duration / hope)
+                if best is None or faster[0].timed.duration < best[0]:
+                    best = faster[0].timed.duration, near
     found.sort(key=_duration)
     if effort == "good":
         found = _hastened(found, limits)
@@ -125,8 +130,7 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
     """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
     options, robot = problem.options, problem.robot
     search = Search(local, problem.environment, problem.start, goals, options.seed)
-    enough = {"first": 1, "good": _GOOD_CANDIDATES, "best": math.inf}[options.effort]
-    count = 0
+    count = searched = 0
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
@@ -142,6 +146,16 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
         if not count or options.effort == "best" or turns_back:
             yield from search.paths(watch.is_over)
 
+    def is_enough() -> bool:
+        match options.effort:
+            case "first":
+                return count > 0
+            case "good":
+                few, most = _GOOD_CANDIDATES
+                return searched >= (most if turns_back else few)
+            case "best":
+                return False
+
     for planner, path in ways():
         watch.lap("search")
         if planner != "direct":
@@ -149,6 +163,7 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
                 break
             path = shorten(path, local)
             watch.lap("shorten")
+            searched += 1
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)
             _refuse_if_endless(timed, options.sample_period)
@@ -159,11 +174,11 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             refused = refused or error
         else:
             if options.effort == "good" and turns_back:
+                turns_back = reversals(timed) > 0
                 # On an open floor no way is better than a direct one.
-                turns_back = reversals(timed) > 0 and not is_far(timed, robot.limits, local.world)
-                enough = _GOOD_MOST if turns_back else _GOOD_CANDIDATES
-        direct_ones = _DIRECT_CANDIDATES if found and options.effort == "good" else 0
-        if count >= enough + direct_ones or watch.is_over():
+                if planner == "direct" and count == 1 and is_far(timed, robot.limits, local.world):
+                    turns_back = False
+        if is_enough() or watch.is_over():
             break
         if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.
