@@ -7,6 +7,14 @@ RUN python -m venv --without-pip /opt/wheelplan
 COPY requirements.lock .
 RUN pip --python /opt/wheelplan/bin/python install --only-binary :all: --require-hashes -r requirements.lock
 
+# CasADi brings some twenty solvers, each library up to three times, with headers; Fatrop is the one in use. The last
+# line fails where something is missing that it needs.
+RUN cd /opt/wheelplan/lib/python3.11/site-packages \
+ && find casadi -mindepth 1 -maxdepth 1 ! -name '*.py' ! -name tools ! -name __pycache__ \
+      ! -name _casadi.so ! -name 'libcasadi.so.*' ! -name libcasadi_nlpsol_fatrop.so ! -name 'libfatrop.so.*' ! -name 'libblasfeo.so.0' -exec rm -r {} + \
+ && find numpy scipy numba matplotlib -type d -name tests -prune -exec rm -r {} + \
+ && /opt/wheelplan/bin/python -c "import casadi; casadi.load_nlpsol('fatrop')"
+
 # Only the build needs setuptools; its pin and hashes are in the development lock.
 COPY requirements-dev.lock .
 RUN awk '/^[^ ]/ { wanted = /^setuptools==/ } wanted' requirements-dev.lock > build.lock \
@@ -21,7 +29,7 @@ RUN pip wheel --no-deps --no-build-isolation --wheel-dir /dist . \
 
 FROM python:3.11-slim
 RUN useradd --uid 10001 --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin wheelplan \
- && install -d -o wheelplan -g wheelplan /data /var/cache/wheelplan
+ && install -d -o wheelplan -g wheelplan /data /var/cache/wheelplan /var/cache/wheelplan/tmp
 COPY --from=build /opt/wheelplan /opt/wheelplan
 
 ENV PATH=/opt/wheelplan/bin:$PATH \
@@ -30,7 +38,8 @@ ENV PATH=/opt/wheelplan/bin:$PATH \
     WHEELPLAN_PORT=8000 \
     WHEELPLAN_DATA_DIR=/data \
     NUMBA_CACHE_DIR=/var/cache/wheelplan/numba \
-    MPLCONFIGDIR=/var/cache/wheelplan/matplotlib
+    MPLCONFIGDIR=/var/cache/wheelplan/matplotlib \
+    TMPDIR=/var/cache/wheelplan/tmp
 USER wheelplan
 
 # Compiled once, here, instead of by every new container. Another kind of processor compiles again at its first start.

@@ -16,10 +16,11 @@ KERNELS := $(shell cat /dev/null $$(grep -l '^@.*kernel' planner/*.py) | cksum |
 export NUMBA_CACHE_DIR ?= $(CURDIR)/$(VENV)/cache/numba-$(KERNELS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test check lock
+.PHONY: help setup demo demo-cluster serve test check lock
 
 help:
 	@echo "make demo     plan for three robots in a warehouse; pictures and schedules in out/"
+	@echo "make demo-cluster  plan a batch on a Dask cluster of two workers; who planned how much"
 	@echo "make serve    run the service (WHEELPLAN_HOST, WHEELPLAN_PORT; WHEELPLAN_DATA_DIR: out/data)"
 	@echo "make test     run the tests"
 	@echo "make check    formatting, lint, types and the arrows between the packages"
@@ -38,6 +39,9 @@ $(STAMP): requirements-dev.lock pyproject.toml
 
 demo: setup
 	$(BIN)/python examples/demo.py
+
+demo-cluster: setup
+	$(BIN)/python examples/cluster.py
 
 serve: export WHEELPLAN_DATA_DIR ?= $(CURDIR)/out/data
 serve: setup

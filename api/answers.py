@@ -161,6 +161,13 @@ class LimitsAnswer(BaseModel):
     sample_period: list[float] = quantity("Smallest and largest sample_period", "s")
     workers: int = quantity("Plans made at once")
     queue_length: int = quantity("Plans that may wait")
+    queue_timeout: float = quantity("How long a plan may wait", "s")
+    receive_timeout: float = quantity("How long a request may take to arrive; large bodies longer", "s")
+    max_batches: int = quantity("Batches that may run at once")
+    max_batch_requests: int = quantity("Plan requests in a batch")
+    max_batch_bytes: int = quantity("Largest body of a batch, bytes")
+    batch_keep: float = quantity("How long the results of a batch are kept", "s")
+    batch_store_bytes: int = quantity("Results kept at most, bytes; the oldest go first")
 
 
 class Problem(BaseModel):

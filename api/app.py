@@ -13,31 +13,48 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 
-from api import routes_drives, routes_kinematics, routes_maps, routes_operations, routes_plans
+from api import (
+    routes_batches,
+    routes_drives,
+    routes_kinematics,
+    routes_maps,
+    routes_operations,
+    routes_plans,
+)  # fmt: skip
 from api.answers import Problem
+from api.batch_schemas import BatchItem, BatchLine, BatchRequest
+from api.batch_store import BatchStore
+from api.batches import Batches
+from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.maps import MapStore
 from api.metrics import Metrics
-from api.middleware import Envelope
+from api.middleware import PROBES, Envelope
+from api.planning import answer_plan
+from api.scheduler import Scheduler, scheduler_of
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
-from api.workers import Pool
+from api.tokens import Guard, Tokens
+from api.validation import validated
 from planner.errors import PlanningError
+from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app"]
 
-_ROUTES = (routes_plans, routes_kinematics, routes_drives, routes_maps, routes_operations)
+_ROUTES = (routes_plans, routes_batches, routes_kinematics, routes_drives, routes_maps, routes_operations)
 
 
-def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
+def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     """The service as an ASGI application. The pool is started and closed with it."""
-    workers = pool or Pool(settings.workers, settings.queue_length, preload=["api.warm"])
+    workers = pool or scheduler_of(settings)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         app.state.maps.sweep()
         workers.start()
+        app.state.batches.start()
         yield
+        await app.state.batches.close()
         await workers.close()
 
     app = FastAPI(
@@ -46,20 +63,44 @@ def create_app(settings: Settings, pool: Pool | None = None) -> FastAPI:
         description="A start, a goal, a robot and a map in; a certified schedule of wheel speeds out.",
         lifespan=lifespan,
         redoc_url=None,
+        telemetry={
+            "auto_configure": True,  # by the standard's OTEL_… variables; without them, nothing
+            "metrics": False,
+            "logs": False,
+            "operation_spans": False,
+            "exclude": lambda scope: scope.get("path") in PROBES,
+        },
     )
     app.state.settings = settings
     app.state.pool = workers
     app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps)
-    app.state.metrics = Metrics(workers)
+    app.state.batches = _batches(app, workers)
+    app.state.metrics = Metrics(workers, app.state.batches)
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)
-    app.add_middleware(Envelope, metrics=app.state.metrics)
+    if settings.tokens_file is not None:
+        app.add_middleware(Guard, tokens=Tokens(settings.tokens_file))
+    app.add_middleware(Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout)
     for refused in (Refusal, PlanningError):
         app.add_exception_handler(refused, _refused)
     app.add_exception_handler(HTTPException, _http_error)
     app.openapi = lambda: _openapi(app, settings)  # type: ignore[method-assign]
     return app
+
+
+def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
+    settings: Settings = app.state.settings
+
+    def read(request: Any) -> PlanProblem:
+        asked = validated(BatchItem, request)
+        return to_problem(asked, app.state.maps.layer, settings.max_time_budget)
+
+    async def plan(problem: PlanProblem) -> bytes:
+        return (await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)).body
+
+    store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
+    return Batches(scheduler, store, read, plan, settings.max_batches)
 
 
 async def _refused(_: Request, error: Exception) -> Response:
@@ -87,8 +128,10 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
         document = get_openapi(
             title=app.title, version=app.version, description=app.description, routes=app.routes
         )
-        bodies = [(model, "validation") for model in (PlanRequest, InverseRequest, ForwardRequest)]
-        answers = [(Problem, "serialization")]
+        bodies = [
+            (model, "validation") for model in (PlanRequest, BatchRequest, InverseRequest, ForwardRequest)
+        ]
+        answers = [(Problem, "serialization"), (BatchLine, "serialization")]
         template = "#/components/schemas/{model}"
         _, extra = models_json_schema([*bodies, *answers], ref_template=template)  # type: ignore[list-item]
         schemas = document.setdefault("components", {}).setdefault("schemas", {})

@@ -1,4 +1,4 @@
-"""The command `wheelplan`: serve, plan one request without a server, list the drives."""
+"""The command `wheelplan`: serve, plan one request without a server, list the drives and the settings."""
 
 from __future__ import annotations
 
@@ -27,15 +27,20 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         settings = Settings.from_environment()
+        if asked.command == "serve":
+            given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
+            settings = replace(settings, **given)
     except ValueError as error:
         parser.error(str(error))
     if asked.command == "serve":
-        given = {name: value for name in ("host", "port") if (value := getattr(asked, name)) is not None}
         from api.server import serve  # every command is quicker without what the others need
 
-        return serve(replace(settings, **given))
+        return serve(settings)
     if asked.command == "plan":
         return plan_file(asked, settings)
+    if asked.command == "settings":
+        _list_settings(settings)
+        return 0
     from api.routes_drives import catalogue
 
     _write(catalogue(), None)
@@ -54,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     plan_command.add_argument("-o", "--output", type=Path, help="where the plan goes (standard output)")
     plan_command.add_argument("--picture", type=Path, help="draw the plan to this file")
     commands.add_parser("drives", help="list the drives, with a JSON schema and an example each")
+    commands.add_parser("settings", help="list the settings: environment variable, value, default, meaning")
     return parser
 
 
@@ -91,6 +97,13 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> int:
 
             draw_plan(request, plan, asked.picture, asked.map)
     return 0
+
+
+def _list_settings(settings: Settings) -> None:
+    rows = [("variable", "value", "default", "meaning"), *settings.table()]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    for *cells, meaning in rows:
+        print(*(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)), meaning, sep="  ")
 
 
 def _best_so_far(problem: Problem) -> Plan:

@@ -16,10 +16,14 @@ PROBLEM_JSON = "application/problem+json"
 
 CODES: dict[str, tuple[int, str]] = {
     "malformed-json": (400, "The body is not JSON"),
+    "malformed-http": (400, "The request is not HTTP"),
+    "unauthorized": (401, "A token is needed"),
     "not-found": (404, "No such resource"),
     "unknown-map": (404, "No such map"),
+    "unknown-batch": (404, "No such batch"),
     "method-not-allowed": (405, "The resource does not offer this method"),
     "not-acceptable": (406, "None of the accepted media types can be produced"),
+    "request-timeout": (408, "The request took too long to arrive"),
     "payload-too-large": (413, "The payload is too large"),
     "unsupported-media-type": (415, "The body is not of the media type asked for"),
     "invalid-request": (422, "A field is missing, of the wrong type or out of range"),
@@ -38,6 +42,7 @@ CODES: dict[str, tuple[int, str]] = {
     "audit-failed": (500, "The plan did not pass its own check"),
     "draining": (503, "Shutting down or not ready yet"),
     "deadline-exceeded": (504, "A worker overran its deadline and was stopped"),
+    "insufficient-storage": (507, "There is no room to store this"),
 }
 
 

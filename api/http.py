@@ -16,10 +16,32 @@ from api.settings import Settings
 from api.strict_json import MalformedJson, read_json, write_json
 from api.validation import validated
 
-__all__ = ["bounded", "json_only", "json_response", "problems", "read_model", "request_body", "settings_of"]
+__all__ = [
+    "CONDITIONAL", "IF_NONE_MATCH", "bounded", "json_only", "json_response", "not_modified", "problems",
+    "read_model", "request_body", "settings_of", "tagged",
+]  # fmt: skip
 
 Model = TypeVar("Model", bound=BaseModel)
 _LARGE = 1 << 16
+
+CONDITIONAL: dict[int | str, dict[str, Any]] = {
+    304: {"description": "What If-None-Match names is still true."}
+}
+"""The `responses` of a route that answers If-None-Match,"""
+
+IF_NONE_MATCH: dict[str, Any] = {
+    "parameters": [
+        {
+            "name": "If-None-Match",
+            "in": "header",
+            "required": False,
+            "description": "The ETag of an earlier answer; 304 where it still holds.",
+            "schema": {"type": "string"},
+            "example": '"' + "0" * 64 + '"',
+        }
+    ]
+}
+"""and its `openapi_extra`."""
 
 
 def settings_of(request: Request) -> Settings:
@@ -31,13 +53,25 @@ def json_response(content: Any, status: int = 200, headers: dict[str, str] | Non
     return Response(write_json(content), status, headers, "application/json")
 
 
+def tagged(response: Response, tag: str, cache_control: str) -> Response:
+    """The response, with an ETag of this tag."""
+    response.headers.update({"ETag": f'"{tag}"', "Cache-Control": cache_control})
+    return response
+
+
+def not_modified(request: Request, tag: str, cache_control: str) -> Response | None:
+    """The answer 304 where If-None-Match names this tag (RFC 9110, section 13.1.2)."""
+    named = {name.strip().removeprefix("W/") for name in request.headers.get("if-none-match", "").split(",")}
+    return tagged(Response(status_code=304), tag, cache_control) if named & {f'"{tag}"', "*"} else None
+
+
 def json_only(request: Request) -> None:
     """Dependency of routes that answer in JSON: refuses a client who would not read it."""
     choose(request.headers.get("accept"), ["application/json"])
 
 
-async def read_model(request: Request, model: type[Model]) -> Model:
-    """The JSON body as a model.
+async def read_model(request: Request, model: type[Model], limit: int | None = None) -> Model:
+    """The JSON body, at most `limit` bytes long (max_body_bytes), as a model.
 
     Raises Refusal: unsupported-media-type, payload-too-large, malformed-json, invalid-request.
     """
@@ -46,7 +80,7 @@ async def read_model(request: Request, model: type[Model]) -> Model:
     if media_type.strip().lower() != "application/json" or charset not in ("utf-8", "utf8"):
         raise Refusal("unsupported-media-type", "Send the body as Content-Type: application/json, in UTF-8.")
     body = bytearray()
-    async for chunk in bounded(request, settings_of(request).max_body_bytes).stream():
+    async for chunk in bounded(request, limit or settings_of(request).max_body_bytes).stream():
         body += chunk
 
     def read() -> Model:
@@ -83,7 +117,7 @@ def bounded(request: Request, limit: int) -> Request:
 def problems(*codes: str) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route that may refuse with these codes."""
     by_status: dict[int | str, list[str]] = {}
-    for code in (*codes, "not-acceptable", "internal-error"):
+    for code in (*codes, "not-acceptable", "unauthorized", "request-timeout", "internal-error"):
         by_status.setdefault(CODES[code][0], []).append(code)
     schema = {"$ref": "#/components/schemas/Problem"}
     return {

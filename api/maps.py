@@ -30,6 +30,9 @@ from planner.problem import MapLayer
 __all__ = ["DecodedMap", "MapStore", "decode_map", "read_map"]
 
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
+_GREYS = np.array([254, 0, 205], dtype=np.uint8)
+"""What map_saver writes for each kind of cell"""
+
 _MAX_YAML = 16 << 10
 _LONGEST_UPLOAD = 3600.0
 _ID = re.compile(r"[0-9a-f]{64}")
@@ -233,6 +236,16 @@ class MapStore:
         """The map as the planner knows it. Raises Refusal: unknown-map."""
         summary = self.get(id)
         return MapLayer(id, self._place(id).absolute(), summary["resolution"], Pose(*summary["origin"]))
+
+    def image(self, id: str) -> bytes:
+        """The map as a PNG in the greys of map_saver, row 0 at the top. Raises Refusal: unknown-map."""
+        try:
+            cells = np.load(self._place(id) / "cells.npy")
+        except FileNotFoundError:
+            raise _unknown(id) from None
+        out = io.BytesIO()
+        Image.fromarray(_GREYS[cells[::-1]]).save(out, "PNG", compress_level=1)
+        return out.getvalue()
 
     def delete(self, id: str) -> None:
         """Raises Refusal: unknown-map."""

@@ -9,30 +9,37 @@ import traceback
 import uuid
 from contextlib import suppress
 
+from opentelemetry import trace
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.errors import Refusal, problem_response
 from api.log import log
 from api.metrics import Metrics
 
-__all__ = ["Envelope"]
+__all__ = ["PROBES", "Envelope"]
 
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _GONE = 499
 _PATIENCE = 5.0
 """How long the rest of a refused body may take to arrive, s."""
 
+_LEAST_RATE = 1 << 16
+"""A body may take longer than the receive timeout by 1 s for each so many bytes that have arrived."""
+
 _METHODS = {"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
-_PROBES = {"/livez", "/readyz", "/metrics"}
+PROBES = {"/livez", "/readyz", "/metrics"}
 
 
 class Envelope:
-    """ASGI middleware: X-Request-Id, the request log and counter, and internal-error as a problem."""
+    """ASGI middleware: X-Request-Id, the request log and counter, a deadline for the request's body, and
+    internal-error as a problem."""
 
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+    def __init__(self, app: ASGIApp, metrics: Metrics, receive_timeout: float) -> None:
         self.app = app
         self.metrics = metrics
+        self.receive_timeout = receive_timeout
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -42,9 +49,9 @@ class Envelope:
         headers = Headers(scope=scope)
         theirs = headers.get("x-request-id", "")
         request_id = theirs if _ID.fullmatch(theirs) else uuid.uuid4().hex
-        body = _Body(
-            receive, pending=headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
-        )
+        trace.get_current_span().set_attribute("wheelplan.request_id", request_id)
+        pending = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
+        body = _Body(receive, pending, self.receive_timeout)
         status = 0
 
         async def send_with_id(message: Message) -> None:
@@ -62,6 +69,8 @@ class Envelope:
         failure = None
         try:
             await self.app(scope, body.receive, send_with_id)
+        except ClientDisconnect:
+            pass
         except Exception as error:
             failure = "".join(traceback.format_exception(error))
             if not status:
@@ -79,25 +88,38 @@ class Envelope:
                 "ms": round((time.perf_counter() - began) * 1e3, 1),
                 "request_id": request_id,
             }
-            if scope["path"] not in _PROBES or status >= 400:
+            if scope["path"] not in PROBES or status >= 400:
                 log(**line, **({"failure": failure} if failure else {}))
 
 
 class _Body:
-    """The request's body, which may be refused before it has been read. Then the rest is thrown away first:
-    uvicorn would not serve this connection again, and a client still sending might never see the answer."""
+    """The request's body, which has to arrive in time: receive raises Refusal, request-timeout.
 
-    def __init__(self, receive: Receive, pending: bool) -> None:
+    Where it is refused before it has been read, the rest is thrown away first: uvicorn would not serve this
+    connection again, and a client still sending might never see the answer.
+    """
+
+    def __init__(self, receive: Receive, pending: bool, timeout: float) -> None:
         self.pending = pending
         self._receive = receive
+        self._timeout = timeout
+        self._until = time.monotonic() + timeout
 
     async def receive(self) -> Message:
-        message = await self._receive()
+        if not self.pending:
+            return await self._receive()
+        try:
+            async with asyncio.timeout(self._until - time.monotonic()):
+                message = await self._receive()
+        except TimeoutError:
+            detail = f"The body must arrive within {self._timeout:g} s, or at {_LEAST_RATE} bytes a second."
+            raise Refusal("request-timeout", detail) from None
+        self._until += len(message.get("body", b"")) / _LEAST_RATE
         self.pending = message.get("more_body", False)
         return message
 
     async def discard(self) -> None:
-        with suppress(TimeoutError):
+        with suppress(TimeoutError, Refusal):
             async with asyncio.timeout(_PATIENCE):
                 while self.pending:
                     await self.receive()

@@ -22,27 +22,32 @@ if TYPE_CHECKING:
     from planner.plan import Plan
 
 __all__ = [
-    "Answer", "MediaType", "answer_plan", "make_plan", "plan_document", "server_sent_event", "stream_plan",
+    "Answer", "MediaType", "answer_plan", "duration_ratio", "make_plan", "plan_document",
+    "server_sent_event", "stream_plan",
 ]  # fmt: skip
 
 MediaType = Literal["application/json", "text/csv"]
 
 
 class Answer(NamedTuple):
-    """The body of a response, and the seconds that planning took."""
+    """The body of a response; the seconds that planning took, the planner that found the way, and how near
+    the motion is to the shortest (see duration_ratio)."""
 
     body: bytes
     seconds: float
+    planner: str
+    duration_ratio: float
 
 
 def answer_plan(problem: Problem, media_type: MediaType, compress: bool) -> Answer:
     """Plans. Raises PlanningError, and Refusal where the map has been deleted meanwhile."""
     began = time.perf_counter()
-    document = plan_document(problem, make_plan(problem))
+    made = make_plan(problem)
+    document = plan_document(problem, made)
     seconds = time.perf_counter() - began
     body = _csv(document) if media_type == "text/csv" else write_json(document)
     # Level 1: level 9 takes ten times as long to save a few per cent more.
-    return Answer(gzip.compress(body, 1, mtime=0) if compress else body, seconds)
+    return _answer(problem, made, gzip.compress(body, 1, mtime=0) if compress else body, seconds)
 
 
 def stream_plan(problem: Problem) -> Answer:
@@ -56,7 +61,23 @@ def stream_plan(problem: Problem) -> Answer:
 
     made = make_plan(problem, lambda better: report(event(better, final=False)))
     seconds = time.perf_counter() - began
-    return Answer(event(made, final=True), seconds)
+    return _answer(problem, made, event(made, final=True), seconds)
+
+
+def _answer(problem: Problem, made: Plan, body: bytes, seconds: float) -> Answer:
+    return Answer(body, seconds, made.planning["planner"], duration_ratio(problem, made))
+
+
+def duration_ratio(problem: Problem, made: Plan) -> float:
+    """The motion's duration over the least time in which its busiest wheel could turn as far, from rest to
+    rest within its limits on speed and acceleration. At 1 no motion along this path is shorter."""
+    limits = problem.robot.limits
+    turned = np.abs(np.diff(made.schedule.wheel_angle, axis=0)).sum(0)
+    speed, acceleration = limits.wheel_speed, limits.wheel_acceleration
+    reaches_speed = turned * acceleration > speed**2
+    cruising = turned / speed + speed / acceleration
+    least = np.where(reaches_speed, cruising, 2 * np.sqrt(turned / acceleration)).max()
+    return float(made.duration / least) if least > 0 else 1.0
 
 
 def server_sent_event(name: str, data: Any) -> bytes:

@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
+import hashlib
+from typing import Annotated
+
 import anyio
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
 from api.answers import MapAnswer, MapsAnswer
 from api.errors import FieldErrors, Refusal
-from api.http import bounded, json_only, json_response, problems, settings_of
+from api.http import (
+    CONDITIONAL,
+    IF_NONE_MATCH,
+    bounded,
+    json_only,
+    json_response,
+    not_modified,
+    problems,
+    settings_of,
+    tagged,
+)
 from api.maps import MapStore, decode_map
+from api.negotiation import choose
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/maps", tags=["maps"], dependencies=[Depends(json_only)])
+router = APIRouter(prefix="/v1/maps", tags=["maps"])
+
+_JSON = [Depends(json_only)]
+_FOREVER = "private, max-age=31536000, immutable"
+"""The id names the content, so an image never changes."""
+
+MapId = Annotated[str, Path(description="The map's id, 64 hexadecimal digits.", examples=["0" * 64])]
 
 _PARTS = ("yaml", "image")
 _FORM = {
@@ -34,6 +54,7 @@ def _store(request: Request) -> MapStore:
 
 @router.post(
     "",
+    dependencies=_JSON,
     summary="Upload a map",
     status_code=201,
     response_model=MapAnswer,
@@ -53,20 +74,61 @@ async def upload_map(request: Request) -> Response:
     return json_response(summary, 201 if new else 200, {"Location": f"/v1/maps/{summary['id']}"})
 
 
-@router.get("", summary="All maps", response_model=MapsAnswer, responses=problems())
+@router.get(
+    "",
+    dependencies=_JSON,
+    summary="All maps",
+    response_model=MapsAnswer,
+    responses={**CONDITIONAL, **problems()},
+    openapi_extra=IF_NONE_MATCH,
+)
 async def list_maps(request: Request) -> Response:
     """The maps in store."""
-    return json_response({"maps": await anyio.to_thread.run_sync(_store(request).list)})
+    maps = await anyio.to_thread.run_sync(_store(request).list)
+    tag = hashlib.sha256("".join(summary["id"] for summary in maps).encode()).hexdigest()
+    return not_modified(request, tag, "no-cache") or tagged(json_response({"maps": maps}), tag, "no-cache")
 
 
-@router.get("/{id}", summary="One map", response_model=MapAnswer, responses=problems("unknown-map"))
-async def get_map(request: Request, id: str) -> Response:
+@router.get(
+    "/{id}",
+    dependencies=_JSON,
+    summary="One map",
+    response_model=MapAnswer,
+    responses={**CONDITIONAL, **problems("unknown-map")},
+    openapi_extra=IF_NONE_MATCH,
+)
+async def get_map(request: Request, id: MapId) -> Response:
     """What is known of one map."""
-    return json_response(_store(request).get(id))
+    summary = await anyio.to_thread.run_sync(_store(request).get, id)
+    return not_modified(request, id, "no-cache") or tagged(json_response(summary), id, "no-cache")
 
 
-@router.delete("/{id}", summary="Delete a map", status_code=204, responses=problems("unknown-map"))
-async def delete_map(request: Request, id: str) -> Response:
+@router.get(
+    "/{id}/image",
+    summary="One map's image",
+    response_class=Response,
+    responses={
+        200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}},
+        **CONDITIONAL,
+        **problems("unknown-map"),
+    },
+    openapi_extra=IF_NONE_MATCH,
+)
+async def get_image(request: Request, id: MapId) -> Response:
+    """The cells as a PNG in the greys of map_saver: occupied 0, unknown 205, free 254. Row 0 is the top."""
+    choose(request.headers.get("accept"), ["image/png"])
+    store = _store(request)
+    await anyio.to_thread.run_sync(store.get, id)
+    if unchanged := not_modified(request, id, _FOREVER):
+        return unchanged
+    image = await anyio.to_thread.run_sync(store.image, id)
+    return tagged(Response(image, media_type="image/png"), id, _FOREVER)
+
+
+@router.delete(
+    "/{id}", dependencies=_JSON, summary="Delete a map", status_code=204, responses=problems("unknown-map")
+)
+async def delete_map(request: Request, id: MapId) -> Response:
     """Forgets a map."""
     await anyio.to_thread.run_sync(_store(request).delete, id)
     return Response(status_code=204)

@@ -7,9 +7,10 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from api import fields, schemas
 from api.answers import HealthAnswer, LimitsAnswer
+from api.batch_schemas import MAX_REQUESTS
 from api.errors import Refusal
 from api.http import json_response, problems, settings_of
-from api.workers import Pool
+from api.scheduler import Scheduler
 
 __all__ = ["router"]
 
@@ -24,11 +25,10 @@ async def livez() -> Response:
 
 @router.get("/readyz", summary="Can it plan?", response_model=HealthAnswer, responses=problems("draining"))
 async def readyz(request: Request) -> Response:
-    """Ready while a worker is up and no shutdown has begun."""
-    pool: Pool = request.app.state.pool
-    if not pool.ready:
-        why = "shutting down" if pool.draining else "starting"
-        raise Refusal("draining", f"The service is {why}.", retry_after=1)
+    """Ready while workers are up, do not die one after the other, and no shutdown has begun."""
+    pool: Scheduler = request.app.state.pool
+    if trouble := pool.trouble:
+        raise Refusal("draining", trouble, retry_after=5 if pool.ready else 1)
     return json_response({"status": "ready", "workers": pool.live})
 
 
@@ -49,7 +49,8 @@ async def limits(request: Request) -> Response:
     settings = settings_of(request)
     own = (
         "max_time_budget", "deadline_grace", "max_body_bytes", "max_map_bytes", "max_map_cells", "max_maps",
-        "workers", "queue_length",
+        "workers", "queue_length", "queue_timeout", "receive_timeout", "max_batches", "max_batch_bytes",
+        "batch_keep", "batch_store_bytes",
     )  # fmt: skip
     return json_response(
         {name: getattr(settings, name) for name in own}
@@ -57,6 +58,7 @@ async def limits(request: Request) -> Response:
             "max_obstacles": schemas.MAX_OBSTACLES,
             "max_vertices": schemas.MAX_VERTICES,
             "max_wheels": schemas.MAX_WHEELS,
+            "max_batch_requests": MAX_REQUESTS,
             "max_coordinate": fields.LARGEST_COORDINATE,
             "max_length": fields.LARGEST_LENGTH,
             "max_rate": fields.LARGEST_RATE,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any
 
 import anyio
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
+from starlette.datastructures import State
 
 from api.answers import PlanAnswer
 from api.convert import to_problem
@@ -17,11 +18,12 @@ from api.http import problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
 from api.planning import Answer, answer_plan, server_sent_event, stream_plan
+from api.scheduler import Scheduler
 from api.schemas import PlanRequest
 from planner.errors import PlanningError
 from planner.problem import Problem
 
-__all__ = ["router"]
+__all__ = ["answered", "router"]
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
@@ -60,28 +62,37 @@ async def create_plan(request: Request, format: str | None = None) -> Response:
     media_type = _media_type(request, format)
     asked = await read_model(request, PlanRequest)
     problem = await anyio.to_thread.run_sync(to_problem, asked, state.maps.layer, settings.max_time_budget)
-    deadline = problem.options.time_budget + settings.deadline_grace
     if media_type == "text/event-stream":
         events: asyncio.Queue[bytes | None] = asyncio.Queue()
-        work = state.pool.run(stream_plan, problem, deadline=deadline, progress=events.put_nowait)
-        return await _stream(request, _counted(request, problem, work), events)
+        return await _stream(
+            request, answered(state, problem, stream_plan, progress=events.put_nowait), events
+        )
     compress = accepts_gzip(request.headers.get("accept-encoding"))
-    work = state.pool.run(answer_plan, problem, media_type, compress, deadline=deadline)
-    answer: Answer | None = await while_connected(request, _counted(request, problem, work))
+    work = answered(state, problem, answer_plan, media_type, compress)
+    answer: Answer | None = await while_connected(request, work)
     if answer is None:
         return Response(status_code=_GONE)
     headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
     return Response(answer.body, 200, headers, media_type)
 
 
-async def _counted(request: Request, problem: Problem, work: Coroutine[Any, Any, Answer]) -> Answer:
-    metrics: Metrics = request.app.state.metrics
+async def answered(
+    state: State,
+    problem: Problem,
+    function: Callable[..., Answer],
+    *args: Any,
+    progress: Callable[[Any], None] | None = None,
+) -> Answer:
+    """What function(problem, *args) answers in a worker; counted. Raises PlanningError and Refusal."""
+    scheduler: Scheduler = state.pool
+    metrics: Metrics = state.metrics
+    deadline = problem.options.time_budget + state.settings.deadline_grace
     try:
-        answer = await work
+        answer: Answer = await scheduler.run(function, problem, *args, deadline=deadline, progress=progress)
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
-    metrics.planning.labels(problem.robot.drive.kind).observe(answer.seconds)
+    metrics.planned(problem, answer)
     return answer
 
 

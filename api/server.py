@@ -11,6 +11,7 @@ from fastapi import FastAPI
 
 from api.app import create_app
 from api.log import log, log_to_stderr
+from api.protocol import Protocol
 from api.settings import Settings
 
 __all__ = ["serve"]
@@ -19,13 +20,18 @@ __all__ = ["serve"]
 def serve(settings: Settings) -> int:
     """Runs the HTTP service until a signal ends it."""
     log_to_stderr()
-    app = create_app(settings)
+    try:
+        app = create_app(settings)
+    except (OSError, ValueError) as error:
+        log(event="cannot start", error=str(error))
+        return 2
     config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
         log_config=None,
         access_log=False,
+        http=Protocol,
         timeout_graceful_shutdown=5,
         server_header=False,
     )
@@ -52,7 +58,9 @@ class _Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
-        log(event="listening", url=f"http://{self.config.host}:{self.config.port}")
+        for server in self.servers if self.started else ():
+            host, port, *_ = server.sockets[0].getsockname()
+            log(event="listening", host=host, port=port)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         # Not uvicorn's own: it stops listening at once, and in the end raises the signal again.

@@ -1,41 +1,49 @@
 """Planning in processes of its own: a solver that hangs or crashes costs one request, never the service.
 
 A pool keeps one asyncio task (a keeper) per worker. The keeper takes the next job from the queue, hands it to
-its worker through a pipe, and waits for the answer, the deadline, or the caller's leaving; in the last two
-cases, and when the worker dies, it starts another. Workers are forked from a fork server that has imported
-and warmed the planner once, so that a replacement is ready in milliseconds. The kernel ends them when the
-server is gone.
+its worker, and waits for the answer, the deadline, or the caller's leaving; in the last two cases, and when
+the worker dies or does not take the job, it starts another.
 """
 
 from __future__ import annotations
 
 import asyncio
-import fcntl
+import math
 import os
 import pickle
-import signal
-import traceback
+import time
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib import import_module
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
-from typing import Any
+from typing import Any, Literal
+
+from opentelemetry import trace
 
 from api.errors import Refusal
 from api.log import log
+from api.worker import Worker, report, stop_starting
 
-__all__ = ["Pool", "report"]
+__all__ = ["LOSSES", "Loss", "Pool", "report"]
 
+Loss = Literal["deadline", "cancelled", "stopped", "memory", "crashed"]
+"""Why a worker is replaced: it overran a deadline; its caller left; it did not take a job; it came to its
+memory limit; it died."""
+
+LOSSES: tuple[Loss, ...] = ("deadline", "cancelled", "stopped", "memory", "crashed")
 
 _RETRY_AFTER = 1
-"""What a client who is turned away is told to wait, and what we wait before starting a worker again, s."""
+"""The least that a client who is turned away is told to wait, and what we wait before starting a worker again
+that did not start, s."""
 
-_LONGEST_START = 600.0
-"""The first worker waits for the fork server to import and compile everything, s."""
+_HAND_OVER = 1.0
+"""A worker that does not take a job within this time (s) is as good as dead."""
+
+_CALM = 5.0
+"""Workers no longer crash in a loop when the last crash is this long ago, s."""
+
+_tracer = trace.get_tracer("wheelplan")
 
 
 @dataclass(eq=False, slots=True)
@@ -44,54 +52,71 @@ class _Job:
     deadline: float
     answer: asyncio.Future[Any]
     progress: Callable[[Any], None] | None
+    arrived: int
+    taken: int = 0
 
     def reported(self, value: Any) -> None:
         if self.progress is not None and not self.answer.done():
             self.progress(value)
 
 
-@dataclass(eq=False, slots=True)
-class _Worker:
-    process: BaseProcess
-    pipe: Connection
-    lifeline: Connection
-
-    def discard(self) -> None:
-        """Kills the process. Nobody may be using the pipe."""
-        self.process.kill()
-        self.lifeline.close()
-        self.process.join()
-        self.pipe.close()
-
-
 class Pool:
     """`size` workers, each doing one job at a time, and a queue of `queue_length` jobs in front of them.
 
-    preload: modules that the fork server imports before it forks a worker; a worker is up when it has them.
+    preload         modules that a worker has imported when it is up
+    queue_timeout   s; no job waits longer for a worker
+    memory          what a worker may allocate, in bytes; 0: unlimited
     """
 
-    def __init__(self, size: int, queue_length: int, preload: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        size: int,
+        queue_length: int,
+        preload: Sequence[str] = (),
+        *,
+        queue_timeout: float = 60.0,
+        memory: int = 0,
+    ) -> None:
         self.size = size
         self.queue_length = queue_length
-        self.restarts = 0
+        self.queue_timeout = queue_timeout
         self.shed = 0
+        self.restarts = 0
+        self.losses: Counter[Loss] = Counter()
         self.draining = False
-        self._context = get_context("forkserver")
         self._preload = list(preload)
-        self._context.set_forkserver_preload(self._preload)
+        self._memory = memory
         self._threads = ThreadPoolExecutor(size, "worker-pipe")
-        self._workers: set[_Worker] = set()
+        self._workers: set[Worker] = set()
         self._keepers: list[asyncio.Task[None]] = []
-        self._jobs: asyncio.Queue[_Job] = asyncio.Queue()
-        self._waiting: set[_Job] = set()
+        self._waiting: deque[_Job] = deque()
         self._unanswered: set[asyncio.Future[Any]] = set()
+        self._arrival: asyncio.Future[None]
         self._idle = 0
+        self._starting = 0
         self._started = False
+        self._typical = 0.0
+        self._crashes = 0
+        self._last_crash = -math.inf
 
     @property
     def ready(self) -> bool:
         """Whether jobs are taken: a worker has been up, and no shutdown has begun."""
         return self._started and not self.draining
+
+    @property
+    def crash_loop(self) -> bool:
+        """Whether worker after worker dies: three times as many of late as there are, and no job done."""
+        return self._crashes >= 3 * self.size and time.monotonic() - self._last_crash < _CALM
+
+    @property
+    def trouble(self) -> str | None:
+        """Why a new client should go elsewhere; None: all is well."""
+        if self.draining:
+            return "The service is shutting down."
+        if not self._started:
+            return "The service is starting."
+        return "The workers die one after the other." if self.crash_loop else None
 
     @property
     def live(self) -> int:
@@ -108,10 +133,16 @@ class Pool:
         """Idle workers that no queued job will take."""
         return max(0, self._idle - len(self._waiting))
 
+    @property
+    def expected_wait(self) -> float:
+        """How long the jobs that wait will keep the workers (s), going by what jobs took of late."""
+        return self.queued * self._typical / self.size
+
     def start(self) -> None:
         """Begins to start the workers; `ready` once the first is up."""
         for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ.setdefault(variable, "1")
+        self._arrival = asyncio.get_running_loop().create_future()
         self._keepers = [asyncio.create_task(self._keep()) for _ in range(self.size)]
 
     async def run(
@@ -127,23 +158,44 @@ class Pool:
         value that the function hands to `report`. If the caller is cancelled, so is the job. Raises
         Refusal: draining, overloaded, deadline-exceeded, worker-crashed.
         """
-        if not self.ready:
-            why = "The service is shutting down." if self.draining else "No worker is up yet."
-            raise Refusal("draining", why, retry_after=_RETRY_AFTER)
-        if len(self._waiting) - self._idle >= self.queue_length:
-            self.shed += 1
-            detail = f"{self.queued} plans already wait for {self.size} workers."
-            raise Refusal("overloaded", detail, retry_after=_RETRY_AFTER)
+        self._admit()
+        loop = asyncio.get_running_loop()
         payload = pickle.dumps((function, args, progress is not None))
-        job = _Job(payload, deadline, asyncio.get_running_loop().create_future(), progress)
-        self._waiting.add(job)
+        job = _Job(payload, deadline, loop.create_future(), progress, time.time_ns())
         self._unanswered.add(job.answer)
-        self._jobs.put_nowait(job)
+        self._waiting.append(job)
+        self._ring()
+        giving_up = loop.call_later(self.queue_timeout, self._give_up, job)
         try:
             return await job.answer
         finally:
-            self._waiting.discard(job)
+            giving_up.cancel()
             self._unanswered.discard(job.answer)
+            with suppress(ValueError):
+                self._waiting.remove(job)
+            _trace(job)
+
+    def _ring(self) -> None:
+        """Wakes the keepers: there is a job to take."""
+        self._arrival.set_result(None)
+        self._arrival = asyncio.get_running_loop().create_future()
+
+    def _admit(self) -> None:
+        if not self.ready:
+            why = "The service is shutting down." if self.draining else "No worker is up yet."
+            raise Refusal("draining", why, retry_after=_RETRY_AFTER)
+        wait = self.expected_wait
+        if len(self._waiting) - self._idle >= self.queue_length or wait > self.queue_timeout:
+            self.shed += 1
+            detail = f"{self.queued} plans already wait for {self.size} workers."
+            raise Refusal("overloaded", detail, retry_after=max(_RETRY_AFTER, math.ceil(wait)))
+
+    def _give_up(self, job: _Job) -> None:
+        if job in self._waiting and not job.answer.done():
+            self.shed += 1
+            wait = max(_RETRY_AFTER, math.ceil(self.expected_wait))
+            detail = f"No worker was free within {self.queue_timeout:g} s."
+            job.answer.set_exception(Refusal("overloaded", detail, retry_after=wait))
 
     async def drain(self, grace: float) -> None:
         """Refuses new jobs, and waits up to `grace` s for those that have been taken."""
@@ -157,7 +209,9 @@ class Pool:
     def kill(self) -> None:
         """Kills every worker, so that no thread of ours waits for one any longer."""
         for worker in self._workers:
-            worker.process.kill()
+            worker.kill()
+        if self._starting:
+            stop_starting()
 
     async def close(self) -> None:
         """Kills every worker and waits for its end."""
@@ -168,69 +222,97 @@ class Pool:
         self.kill()
         await asyncio.to_thread(self._threads.shutdown)
         for worker in self._workers:
+            worker.unwatch()
             worker.discard()
         self._workers.clear()
 
     async def _keep(self) -> None:
         worker = await self._start_worker()
         while True:
-            self._idle += 1
-            try:
-                job = await self._jobs.get()
-            finally:
-                self._idle -= 1
-            if job.answer.done():
-                continue
-            if worker.pipe.poll():  # it never speaks unasked: this is its end
-                worker = await self._replace(worker)
-            self._waiting.discard(job)
-            if not await self._carry(worker, job):
-                worker = await self._replace(worker)
+            job = await self._next_job(worker)
+            loss = await self._carry(worker, job) if job else "crashed"
+            if loss:
+                worker = await self._replace(worker, loss)
 
-    async def _carry(self, worker: _Worker, job: _Job) -> bool:
-        """Has the worker do the job. False: the worker is dead or dying."""
-        loop = asyncio.get_running_loop()
+    async def _next_job(self, worker: Worker) -> _Job | None:
+        """None: the worker has died."""
+        self._idle += 1
+        try:
+            while not worker.ended.done():
+                while self._waiting:
+                    job = self._waiting.popleft()
+                    if not job.answer.done():
+                        return job
+                await asyncio.wait({self._arrival, worker.ended}, return_when=asyncio.FIRST_COMPLETED)
+            return None
+        finally:
+            self._idle -= 1
 
-        def exchange_() -> tuple[bool, Any]:
-            worker.pipe.send_bytes(job.payload)
-            while (message := pickle.loads(worker.pipe.recv_bytes()))[0] is None:
-                loop.call_soon_threadsafe(job.reported, message[1])
-            done, outcome = message
-            return done, outcome
-
-        exchange = loop.run_in_executor(self._threads, exchange_)
+    async def _carry(self, worker: Worker, job: _Job) -> Loss | None:
+        """Has the worker do the job. Not None: why the worker is dead or dying."""
+        loop, first = asyncio.get_running_loop(), asyncio.FIRST_COMPLETED
+        taken: asyncio.Future[Any] = loop.create_future()
+        exchange: asyncio.Future[Any] = loop.run_in_executor(
+            self._threads,
+            worker.exchange,
+            job.payload,
+            lambda: loop.call_soon_threadsafe(taken.set_result, None),
+            lambda value: loop.call_soon_threadsafe(job.reported, value),
+        )
         # At shutdown nobody is left to hear how it ended.
         exchange.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
-        await asyncio.wait({exchange, job.answer}, timeout=job.deadline, return_when=asyncio.FIRST_COMPLETED)
-        if not exchange.done():
-            worker.process.kill()
+        await asyncio.wait({taken, exchange, job.answer}, timeout=_HAND_OVER, return_when=first)
+        if taken.done():
+            job.taken = time.time_ns()
+            await asyncio.wait({exchange, job.answer}, timeout=job.deadline, return_when=first)
+            self._typical += ((time.time_ns() - job.taken) * 1e-9 - self._typical) / 8
+        if exchange.done() and exchange.exception() is None:
+            self._crashes = 0
+            kind, value = exchange.result()
             if not job.answer.done():
-                detail = f"The plan was stopped after {job.deadline:g} s of planning."
-                job.answer.set_exception(Refusal("deadline-exceeded", detail))
-            with suppress(EOFError, OSError):
-                await exchange
-            return False
-        try:
-            done, outcome = exchange.result()
-        except Exception:  # the pipe ended, or what came through it cannot be read
-            if not job.answer.done():
-                detail = "The process that planned this request died. No other request is affected."
-                job.answer.set_exception(Refusal("worker-crashed", detail))
-            return False
-        if not job.answer.done():
-            job.answer.set_result(outcome) if done else job.answer.set_exception(outcome)
-        return True
+                job.answer.set_result(value) if kind == "result" else job.answer.set_exception(value)
+            return None
+        loss: Loss
+        if job.answer.done():
+            loss = "cancelled"
+        elif not taken.done():
+            loss = "crashed" if exchange.done() else "stopped"
+            self._waiting.appendleft(job)  # it has not begun, so another worker can do it
+            self._ring()
+        elif exchange.done():
+            loss = "memory" if worker.out_of_memory else "crashed"
+            detail = f"The process that planned this request {self._obituary(loss)}. No other is affected."
+            job.answer.set_exception(Refusal("worker-crashed", detail))
+        else:
+            loss = "deadline"
+            detail = f"The plan was stopped after {job.deadline:g} s of planning."
+            job.answer.set_exception(Refusal("deadline-exceeded", detail))
+        worker.kill()
+        await asyncio.wait({exchange})
+        return loss
 
-    async def _replace(self, worker: _Worker) -> _Worker:
-        self.restarts += 1
-        log(event="worker replaced", pid=worker.process.pid)
+    def _obituary(self, loss: Loss) -> str:
+        return f"needed more than {self._memory} bytes of memory" if loss == "memory" else "died"
+
+    async def _replace(self, worker: Worker, loss: Loss) -> Worker:
         self._workers.discard(worker)
+        worker.unwatch()
         await asyncio.get_running_loop().run_in_executor(self._threads, worker.discard)
-        return await self._start_worker()
+        log(event="worker lost", reason=loss, pid=worker.pid, exit_code=worker.exit_code)
+        self.losses[loss] += 1
+        if loss not in ("deadline", "cancelled"):
+            self._crashes += 1
+            self._last_crash = time.monotonic()
+        if self.crash_loop:
+            await asyncio.sleep(_RETRY_AFTER)
+        replacement = await self._start_worker()
+        self.restarts += 1
+        return replacement
 
-    async def _start_worker(self) -> _Worker:
+    async def _start_worker(self) -> Worker:
         failures = 0
         while True:
+            self._starting += 1
             try:
                 worker = await asyncio.get_running_loop().run_in_executor(self._threads, self._fork)
             except Exception as error:
@@ -241,72 +323,24 @@ class Pool:
                     self._started = self._started and bool(self._workers)
                     await asyncio.sleep(_RETRY_AFTER)
             else:
+                worker.watch()
                 if not self._started:
                     log(event="ready")
                 self._started = True
                 return worker
 
-    def _fork(self) -> _Worker:
-        ours, theirs = self._context.Pipe()
-        watched, lifeline = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=_work, args=(theirs, watched, self._preload), daemon=True)
-        worker = _Worker(process, ours, lifeline)
+    def _fork(self) -> Worker:
         try:
-            process.start()
-            theirs.close()
-            watched.close()
-            if not ours.poll(_LONGEST_START):
-                raise OSError(f"not up after {_LONGEST_START:g} s")
-            ours.recv_bytes()
-        except BaseException:
-            lifeline.close()
-            if process.pid is not None:
-                process.kill()
-            raise
-        self._workers.add(worker)
+            worker = Worker(self._preload, self._memory)
+            self._workers.add(worker)
+        finally:
+            self._starting -= 1
         return worker
 
 
-_listener: Connection | None = None
-"""In a worker: where the caller of the present job hears of its progress, if it wants to."""
-
-
-def report(value: Any) -> None:
-    """Tells the caller of the present job how far it is. Outside a worker, or where nobody asked: nothing."""
-    if _listener is not None:
-        _listener.send_bytes(pickle.dumps((None, value), pickle.HIGHEST_PROTOCOL))
-
-
-def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str]) -> None:
-    """A worker: does one job after the other until the pipe closes."""
-    # Signals to the whole process group are the server's to answer; its plans in flight may finish.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    # The server holds the other end of the lifeline. When it dies the kernel raises SIGIO here, whose default
-    # is the end of the process, even while a solver holds the interpreter's lock.
-    fcntl.fcntl(lifeline, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
-    for module in preload:  # the fork server has them, unless it could not import them
-        import_module(module)
-    with suppress(EOFError, OSError):
-        pipe.send_bytes(b"up")
-        while True:
-            pipe.send_bytes(_outcome(pipe, pipe.recv_bytes()))
-
-
-def _outcome(pipe: Connection, payload: bytes) -> bytes:
-    global _listener
-    try:
-        function, args, listens = pickle.loads(payload)
-        _listener = pipe if listens else None
-        return pickle.dumps((True, function(*args)), pickle.HIGHEST_PROTOCOL)
-    except BaseException as error:
-        error.add_note(traceback.format_exc())
-        try:
-            answer = pickle.dumps((False, error))
-            pickle.loads(answer)
-        except Exception:
-            stand_in = RuntimeError(f"{type(error).__name__}: {error}")
-            stand_in.add_note(traceback.format_exc())
-            answer = pickle.dumps((False, stand_in))
-        return answer
+def _trace(job: _Job) -> None:
+    """The stages of a job, as children of the request's span. Without an OpenTelemetry SDK: nothing."""
+    now = time.time_ns()
+    _tracer.start_span("queue", start_time=job.arrived).end(job.taken or now)
+    if job.taken:
+        _tracer.start_span("plan", start_time=job.taken).end(now)

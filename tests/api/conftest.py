@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import copy
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -43,17 +43,26 @@ BODY: dict[str, Any] = {
 class InlinePool(Pool):
     """Runs every job in a thread of this process."""
 
-    def __init__(self) -> None:
-        super().__init__(1, 1)
+    def __init__(self, size: int = 1) -> None:
+        super().__init__(size, 1)
         self._started = True
+        self.busy = 0
+
+    @property
+    def spare(self) -> int:
+        return self.size - self.busy
 
     def start(self) -> None:
         pass
 
     async def run(self, function: Callable[..., Any], *args: Any, **how: Any) -> Any:
         loop, progress = asyncio.get_running_loop(), how.get("progress")
-        with patch("api.planning.report", lambda value: loop.call_soon_threadsafe(progress, value)):
-            return await asyncio.to_thread(function, *args)
+        self.busy += 1
+        try:
+            with patch("api.planning.report", lambda value: loop.call_soon_threadsafe(progress, value)):
+                return await asyncio.to_thread(function, *args)
+        finally:
+            self.busy -= 1
 
 
 class FakePlanner:
@@ -98,6 +107,18 @@ def settings(tmp_path: Path) -> Settings:
     return Settings(
         data_dir=tmp_path, max_body_bytes=200_000, max_map_bytes=100_000, max_map_cells=10_000, max_maps=3
     )
+
+
+@pytest.fixture
+def inline_app(settings: Settings, planner_: FakePlanner) -> Callable[..., Any]:
+    """A client of an application with other settings, and `size` workers."""
+    from starlette.testclient import TestClient
+
+    def made(size: int = 1, **changes: Any) -> TestClient:
+        app = create_app(replace(settings, **changes), InlinePool(size))
+        return TestClient(app, raise_server_exceptions=False)
+
+    return made
 
 
 @pytest.fixture

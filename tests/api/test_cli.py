@@ -1,10 +1,12 @@
 import json
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from api import cli
+from api.settings import Settings
 from planner.errors import NoPathExists
 
 
@@ -81,8 +83,30 @@ def test_the_drives_are_listed(capsysbinary):
     assert len(json.loads(capsysbinary.readouterr().out)["drives"]) == 11
 
 
+def test_the_settings_are_listed_with_what_is_set_now(monkeypatch, capsys):
+    monkeypatch.setenv("WHEELPLAN_QUEUE_LENGTH", "7")
+    assert cli.main(["settings"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (line,) = [line for line in lines if line.startswith("WHEELPLAN_QUEUE_LENGTH")]
+    assert line.split()[1:3] == ["7", "64"]
+    assert len(lines) == 1 + len(fields(Settings))
+    assert all(len(line.split("  ")[-1]) > 9 for line in lines[1:]), "each has a meaning"
+
+
+def test_a_flag_wins_over_the_environment_and_is_checked_like_it(monkeypatch, capsys):
+    monkeypatch.setenv("WHEELPLAN_PORT", "80")
+    served = []
+    monkeypatch.setattr("api.server.serve", lambda settings: served.append(settings) or 0)
+    assert cli.main(["serve", "--port", "81"]) == 0
+    assert cli.main(["serve"]) == 0
+    assert [settings.port for settings in served] == [81, 80]
+    with pytest.raises(SystemExit):
+        cli.main(["serve", "--port", "65536"])
+    assert "65536" in capsys.readouterr().err
+
+
 def test_a_bad_setting_ends_the_command_with_a_sentence(monkeypatch, capsys):
     monkeypatch.setenv("WHEELPLAN_PORT", "http")
     with pytest.raises(SystemExit):
         cli.main(["drives"])
-    assert "WHEELPLAN_PORT must be a int" in capsys.readouterr().err
+    assert "WHEELPLAN_PORT must be a whole number" in capsys.readouterr().err

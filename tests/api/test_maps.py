@@ -314,3 +314,39 @@ def test_a_stored_map_survives_a_restart(client, settings):
     summary = upload(client).json()
     store = MapStore(settings.data_dir / "maps", 10)
     assert json.loads(json.dumps(store.list())) == [summary]
+
+
+def test_a_maps_image_has_its_cells_in_greys_and_makes_the_same_map_again(client):
+    answer = upload(client).json()
+    image = client.get(f"/v1/maps/{answer['id']}/image")
+    assert (image.status_code, image.headers["content-type"]) == (200, "image/png")
+    pixels = np.asarray(Image.open(io.BytesIO(image.content)))
+    assert pixels.tolist() == [[0, 254, 205], [254, 254, 0]]  # row 0 is the top
+    again = upload(client, YAML.replace("free_thresh: 0.2", "free_thresh: 0.19"), image.content)
+    assert (again.status_code, again.json()) == (200, answer)
+
+
+@pytest.mark.parametrize("path", ["/v1/maps", "/v1/maps/{id}", "/v1/maps/{id}/image"])
+def test_what_a_client_has_already_is_not_sent_again(client, path):
+    path = path.format(id=upload(client).json()["id"])
+    full = client.get(path)
+    tag = full.headers["etag"]
+    for named in (tag, f'"x", {tag}', f"W/{tag}", "*"):
+        answer = client.get(path, headers={"if-none-match": named})
+        assert (answer.status_code, answer.content, answer.headers["etag"]) == (304, b"", tag)
+    assert client.get(path, headers={"if-none-match": '"x"'}).content == full.content
+
+
+def test_the_list_has_another_tag_once_it_has_changed(client):
+    tags = [client.get("/v1/maps").headers["etag"]]
+    map_id = upload(client).json()["id"]
+    tags.append(client.get("/v1/maps").headers["etag"])
+    client.delete(f"/v1/maps/{map_id}")
+    assert client.get("/v1/maps").headers["etag"] == tags[0] != tags[1]
+
+
+def test_an_image_is_offered_as_png_only(client):
+    path = f"/v1/maps/{upload(client).json()['id']}/image"
+    assert client.get(path, headers={"accept": "image/*"}).status_code == 200
+    assert client.get(path, headers={"accept": "application/json"}).json()["code"] == "not-acceptable"
+    assert client.get(f"/v1/maps/{'0' * 64}/image").json()["code"] == "unknown-map"

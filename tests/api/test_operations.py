@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
@@ -10,6 +11,7 @@ from api.app import create_app
 from api.errors import CODES
 from api.settings import Settings
 from api.workers import Pool
+from tests.api.conftest import InlinePool
 
 CONTRACT = {
     "malformed-json": 400, "unsupported-media-type": 415, "not-acceptable": 406, "payload-too-large": 413,
@@ -20,8 +22,11 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def test_the_codes_are_those_of_the_contract_and_three_of_http():
-    own = {"not-found": 404, "method-not-allowed": 405, "internal-error": 500}
+def test_the_codes_are_those_of_the_contract_and_a_few_of_ours():
+    own = {
+        "malformed-http": 400, "unauthorized": 401, "not-found": 404, "method-not-allowed": 405,
+        "request-timeout": 408, "internal-error": 500, "unknown-batch": 404, "insufficient-storage": 507,
+    }  # fmt: skip
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
 
 
@@ -81,6 +86,17 @@ def test_a_service_without_workers_is_alive_but_not_ready(settings, body):
             assert answer.headers["retry-after"] == "1"
 
 
+def test_a_service_whose_workers_die_one_after_the_other_is_not_ready_but_tries(settings, planner_, body):
+    class Dying(InlinePool):
+        trouble = "The workers die one after the other."
+
+    with TestClient(create_app(settings, Dying())) as client:
+        answer = client.get("/readyz")
+        assert (answer.status_code, answer.json()["code"]) == (503, "draining")
+        assert "die" in answer.json()["detail"]
+        assert client.post("/v1/plans", json=body).status_code == 200
+
+
 def test_limits_are_those_that_hold(client, settings, body):
     limits = client.get("/v1/limits").json()
     assert limits["max_time_budget"] == settings.max_time_budget
@@ -105,7 +121,9 @@ def test_metrics_count_requests_plans_and_refusals(client, body, planner_):
         'wheelplan_requests_total{method="POST",route="/v1/plans",status="200"} 1.0',
         'wheelplan_requests_total{method="GET",route="/v1/maps/{id}",status="404"} 1.0',
         'wheelplan_requests_total{method="GET",route="none",status="404"} 1.0',
-        'wheelplan_planning_seconds_count{drive="differential"} 1.0',
+        'wheelplan_planning_seconds_count{drive="differential",planner="fake"} 1.0',
+        'wheelplan_duration_ratio_count{drive="differential"} 1.0',
+        'wheelplan_workers_lost_total{reason="deadline"} 0.0',
         'wheelplan_refused_total{code="limits-infeasible"} 1.0',
         "wheelplan_queue_depth 0.0",
         "wheelplan_worker_restarts_total 0.0",
@@ -141,9 +159,32 @@ def test_settings_come_from_the_environment():
 
 @pytest.mark.parametrize(
     "given",
-    [{"WHEELPLAN_PORT": "http"}, {"WHEELPLAN_WORKERS": "0"}, {"WHEELPLAN_QUEUE_LENGTH": "-1"},
-     {"WHEELPLAN_MAX_TIME_BUDGET": "nan"}],
+    [{"WHEELPLAN_PORT": "http"}, {"WHEELPLAN_PORT": "65536"}, {"WHEELPLAN_WORKERS": "0"},
+     {"WHEELPLAN_WORKERS": "1.5"}, {"WHEELPLAN_QUEUE_LENGTH": "-1"}, {"WHEELPLAN_MAX_TIME_BUDGET": "nan"},
+     {"WHEELPLAN_QUEUE_TIMEOUT": "0"}, {"WHEELPLAN_WORKER_MEMORY": "-1"},
+     {"WHEELPLAN_RECEIVE_TIMEOUT": "inf"}],
+    ids=str,
 )  # fmt: skip
-def test_a_bad_setting_is_refused_at_the_start(given):
-    with pytest.raises(ValueError, match=next(iter(given)).removeprefix("WHEELPLAN_").lower() + "|WHEELPLAN"):
+def test_a_bad_setting_is_refused_at_the_start_by_the_name_of_its_variable_and_its_value(given):
+    ((name, value),) = given.items()
+    with pytest.raises(ValueError, match=name) as caught:
         Settings.from_environment(given)
+    assert value in str(caught.value)
+
+
+def test_a_page_for_operators_names_every_setting_and_every_metric(settings):
+    page = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
+    names = [row[0] for row in settings.table()]
+    families = create_app(settings, InlinePool()).state.metrics.registry.collect()
+    suffix = {"counter": "_total"}
+    names += [family.name + suffix.get(family.type, "") for family in families]
+    assert [name for name in names if f"`{name}" not in page] == []
+
+
+def test_a_page_for_operators_gives_the_settings_defaults():
+    page = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
+    given = {row[0].strip("` "): row[1].strip() for line in page.splitlines()
+             if len(row := line.split("|")[1:3]) == 2}  # fmt: skip
+    machine = {"WHEELPLAN_DATA_DIR", "WHEELPLAN_WORKERS"}
+    for name, _, default, _ in Settings().table():
+        assert name in machine or given[name] == (default or "none"), name

@@ -5,6 +5,7 @@ import math
 import operator
 import os
 import signal
+import threading
 import time
 
 import pytest
@@ -85,7 +86,7 @@ def test_a_job_raises_what_its_function_raises_with_the_workers_traceback_in_a_n
 def test_a_result_that_cannot_travel_is_an_error_of_that_job_alone():
     async def promise(pool):
         with pytest.raises(Exception, match="pickle"):
-            await pool.run(operator.attrgetter, deadline=5)
+            await pool.run(threading.Lock, deadline=5)
         with pytest.raises(Exception, match="pickle"):
             await pool.run(memoryview, b"x", deadline=5)
         assert await pool.run(operator.add, 1, 2, deadline=5) == 3
@@ -119,6 +120,18 @@ def test_a_crash_costs_its_neighbours_nothing():
         assert await asyncio.gather(*neighbours) == [None, None]
 
     run(promise, size=3)
+
+
+def test_a_job_that_needs_more_memory_than_the_limit_is_told_so_and_the_next_one_runs():
+    async def promise(pool):
+        assert len(await pool.run(bytes, 100 << 20, deadline=20)) == 100 << 20
+        with pytest.raises(Refusal, match=f"more than {1 << 30} bytes of memory") as caught:
+            await pool.run(list.__mul__, [0], 1 << 28, deadline=20)
+        assert caught.value.code == "worker-crashed"
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        assert pool.losses == {"memory": 1}
+
+    run(promise, memory=1 << 30)
 
 
 @pytest.mark.parametrize("job", [(time.sleep, 60), HANG], ids=["sleeps", "holds-the-lock"])
@@ -237,15 +250,100 @@ def test_a_full_queue_refuses_at_once_and_takes_jobs_again_when_there_is_room(qu
     run(promise, size=2, queue_length=queue_length)
 
 
-def test_a_worker_that_dies_idle_costs_no_request():
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGSTOP, signal.SIGSEGV])
+def test_a_worker_that_dies_or_is_stopped_idle_costs_no_request(sign):
     async def promise(pool):
-        for _ in range(3):
+        for _ in range(2):
             pid = await pool.run(os.getpid, deadline=5)
-            os.kill(pid, signal.SIGKILL)
-            await until(lambda pid=pid: gone(pid))
+            os.kill(pid, sign)
             assert await pool.run(os.getpid, deadline=5) != pid
+            assert gone(pid)
 
     run(promise)
+
+
+def test_workers_that_die_idle_are_replaced_before_a_job_comes():
+    async def promise(pool):
+        pids = {await pool.run(os.getpid, deadline=5) for _ in range(8)}
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+        await until(lambda: pool.restarts == len(pids) and pool.live == 2)
+        assert pool.losses == {"crashed": len(pids)}
+
+    run(promise, size=2)
+
+
+def test_a_job_that_a_stopped_worker_did_not_take_keeps_its_place_in_the_queue():
+    async def promise(pool):
+        pid, order = await pool.run(os.getpid, deadline=5), []
+        os.kill(pid, signal.SIGSTOP)
+
+        async def job(i):
+            await pool.run(time.sleep, 0.01, deadline=5)
+            order.append(i)
+
+        await asyncio.gather(*(job(i) for i in range(4)))
+        assert order == [0, 1, 2, 3]
+        assert pool.losses == {"stopped": 1}
+
+    run(promise)
+
+
+def test_workers_crash_in_a_loop_when_three_in_a_row_die_for_each_and_no_more_once_a_job_is_done():
+    async def promise(pool):
+        for i in range(6):
+            assert pool.crash_loop == (i > 5)
+            assert await refusal(pool.run(os.abort, deadline=5)) == "worker-crashed"
+        await until(lambda: sum(pool.losses.values()) == 6)
+        assert pool.crash_loop
+        assert pool.ready  # jobs are taken: it may have been one caller's
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+        assert not pool.crash_loop
+
+    run(promise, size=2)
+
+
+def test_workers_lost_to_deadlines_and_leaving_callers_are_no_crash_loop():
+    async def promise(pool):
+        for _ in range(3):
+            assert await refusal(pool.run(time.sleep, 60, deadline=0.05)) == "deadline-exceeded"
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(pool.run(time.sleep, 60, deadline=60), 0.5)
+        await until(lambda: pool.losses == {"deadline": 3, "cancelled": 3})
+        assert not pool.crash_loop
+
+    run(promise)
+
+
+def test_a_job_that_no_worker_takes_in_time_is_refused():
+    async def promise(pool):
+        first = asyncio.create_task(pool.run(time.sleep, 1.0, deadline=5))
+        await asyncio.sleep(0.05)
+        began = time.monotonic()
+        assert await refusal(pool.run(operator.add, 1, 2, deadline=5)) == "overloaded"
+        assert 0.25 < time.monotonic() - began < 0.9
+        assert (pool.shed, pool.queued) == (1, 0)
+        await first
+        assert await pool.run(operator.add, 1, 2, deadline=5) == 3
+
+    run(promise, queue_timeout=0.3)
+
+
+def test_a_job_that_would_wait_too_long_is_refused_at_once():
+    async def promise(pool):
+        for _ in range(8):
+            await pool.run(time.sleep, 0.1, deadline=5)
+        jobs = [asyncio.create_task(pool.run(time.sleep, 0.1, deadline=5)) for _ in range(20)]
+        began = time.monotonic()
+        outcomes = await asyncio.gather(*jobs, return_exceptions=True)
+        refused = [outcome for outcome in outcomes if isinstance(outcome, Refusal)]
+        assert 5 <= len(refused) <= 16
+        assert all(error.code == "overloaded" and error.details["retry_after"] >= 1 for error in refused)
+        # Those that were let in have been done within the time that they may wait and their own.
+        assert time.monotonic() - began < 1.5
+        assert pool.shed == len(refused)
+
+    run(promise, queue_length=100, queue_timeout=0.8)
 
 
 def test_draining_lets_jobs_finish_and_takes_no_new_ones():

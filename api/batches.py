@@ -1,0 +1,311 @@
+"""Batches: many plan requests in one, planned while nobody else needs the workers."""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import time
+import traceback
+import uuid
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, NamedTuple
+
+import orjson
+
+from api.batch_schemas import MAX_NAME
+from api.batch_store import BatchStore, Record, Results
+from api.errors import Refusal, problem_document
+from api.log import log
+from api.scheduler import Scheduler
+from api.strict_json import write_json
+from planner.errors import PlanningError
+from planner.problem import Problem
+
+__all__ = ["Batches"]
+
+_GLANCE = 0.02
+"""How often we look for a spare worker while others have them all, s."""
+
+_PIECE = 1 << 18
+"""Results are read in pieces of this size, bytes."""
+
+
+class _Item(NamedTuple):
+    """One request of a batch; `request` is the JSON value, pickled: it takes a tenth of the memory."""
+
+    place: int
+    name: str | None
+    request: bytes
+
+
+@dataclass(eq=False, slots=True)
+class _Batch:
+    record: Record
+    results: Results
+    items: deque[_Item]
+    running: set[asyncio.Task[None]] = field(default_factory=set)
+    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+    news: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def tell(self) -> None:
+        """Wakes those who follow the results."""
+        news, self.news = self.news, asyncio.Event()
+        news.set()
+
+
+class Batches:
+    """The batches of one server.
+
+    Items of all running batches take turns. One is handed to the scheduler only where a worker is spare, so
+    that whoever waits for a single plan is never behind an item that waits, too.
+
+    read: what an item asks for; raises Refusal or PlanningError
+    plan: the JSON of its answer; likewise
+    """
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        store: BatchStore,
+        read: Callable[[Any], Problem],
+        plan: Callable[[Problem], Awaitable[bytes]],
+        max_running: int,
+    ) -> None:
+        self.max_running = max_running
+        self._scheduler = scheduler
+        self._store = store
+        self._read = read
+        self._plan = plan
+        self._batches: dict[str, _Batch] = {}
+        self._turns: deque[_Batch] = deque()
+        self._stir = asyncio.Event()
+        self._adding = asyncio.Lock()
+        self._hand_out: asyncio.Task[None] | None = None
+
+    @property
+    def running(self) -> int:
+        """Batches that have not ended."""
+        return sum(batch.record.finished is None for batch in self._batches.values())
+
+    @property
+    def waiting(self) -> int:
+        """Items that wait for a worker."""
+        return sum(_counts(batch)["waiting"] for batch in self._batches.values())
+
+    def start(self) -> None:
+        """Begins to hand out items."""
+        self._hand_out = asyncio.create_task(self._hand_out_items())
+
+    async def close(self) -> None:
+        """Cancels what has not ended."""
+        if self._hand_out is not None:
+            self._hand_out.cancel()
+            await asyncio.gather(self._hand_out, return_exceptions=True)
+        await self._cancel_all()
+
+    def admit(self) -> None:
+        """Raises Refusal where no batch is taken at present: overloaded, draining."""
+        if self._scheduler.draining:
+            raise Refusal("draining", "The service is shutting down.", retry_after=1)
+        if self.running >= self.max_running:
+            raise Refusal("overloaded", f"{self.running} batches are running already.", retry_after=10)
+
+    async def add(self, requests: Sequence[Any]) -> dict[str, Any]:
+        """Begins a batch of plan requests, JSON values; its document. Raises Refusal, as admit; OSError."""
+        record = Record(uuid.uuid4().hex, len(requests), time.time())
+
+        def prepare() -> tuple[Results, deque[_Item]]:
+            items = deque(
+                _Item(place, _name(request), pickle.dumps(request)) for place, request in enumerate(requests)
+            )
+            return self._store.create(record), items
+
+        async with self._adding:
+            self.admit()
+            results, items = await asyncio.to_thread(prepare)
+            batch = _Batch(record, results, items)
+            self._batches[record.id] = batch
+        self._turns.append(batch)
+        self._stir.set()
+        return _document(record, _counts(batch), self._store.keep)
+
+    async def document(self, id: str) -> dict[str, Any]:
+        """What is known of a batch. Raises Refusal: unknown-batch."""
+        if (batch := self._batches.get(id)) is not None:
+            return _document(batch.record, _counts(batch), self._store.keep)
+        record = await asyncio.to_thread(self._store.load, id)
+        return _document(record, {"running": 0, "waiting": 0}, self._store.keep)
+
+    async def cancel(self, id: str) -> None:
+        """Ends a batch; what it has done stays readable. Raises Refusal: unknown-batch."""
+        if (batch := self._batches.get(id)) is None:
+            await asyncio.to_thread(self._store.load, id)
+        else:
+            async with batch.lock:
+                await self._finish(batch)
+
+    async def lines(self, id: str) -> AsyncIterator[bytes]:
+        """The results as they come, until the batch ends. Raises Refusal: unknown-batch."""
+        batch = self._batches.get(id)
+        record = batch.record if batch is not None else await asyncio.to_thread(self._store.load, id)
+        return self._follow(record, batch)
+
+    async def _follow(self, record: Record, batch: _Batch | None) -> AsyncIterator[bytes]:
+        offset = 0
+        while True:
+            news = batch.news if batch is not None else None
+            if offset < record.size:
+                size = min(record.size - offset, _PIECE)
+                yield (piece := await asyncio.to_thread(self._store.read, record.id, offset, size))
+                offset += len(piece)
+            elif record.finished is None and news is not None:
+                await news.wait()
+            else:
+                return
+
+    async def _hand_out_items(self) -> None:
+        while True:
+            batch, item = await self._next()
+            try:
+                problem = await asyncio.to_thread(self._problem, item)
+            except Exception as error:
+                await self._note(batch, item, "problem", _refusal(error))
+                continue
+            await self._room()
+            if batch.record.finished is None:
+                task = asyncio.create_task(self._carry(batch, item, problem))
+                batch.running.add(task)
+                task.add_done_callback(batch.running.discard)
+                await asyncio.sleep(0)  # from its first step on, it counts in scheduler.spare
+
+    def _problem(self, item: _Item) -> Problem:
+        return self._read(pickle.loads(item.request))
+
+    async def _next(self) -> tuple[_Batch, _Item]:
+        while True:
+            for _ in range(len(self._turns)):
+                batch = self._turns.popleft()
+                if batch.record.finished is None:
+                    self._turns.append(batch)
+                    if batch.items:
+                        return batch, batch.items.popleft()
+            self._stir.clear()
+            await self._stir.wait()
+
+    async def _room(self) -> None:
+        """Waits for a spare worker. A shutdown ends all batches that still have items to hand out."""
+        while self._scheduler.spare < 1 or not self._scheduler.ready:
+            if self._scheduler.draining:
+                await self._cancel_all()
+                return
+            self._stir.clear()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._stir.wait(), _GLANCE)
+
+    async def _carry(self, batch: _Batch, item: _Item, problem: Problem) -> None:
+        try:
+            kind, body = "plan", await self._plan(problem)
+        except Exception as error:
+            if _was_not_taken(error) and not self._scheduler.draining:  # somebody was quicker
+                batch.items.appendleft(item)
+                return
+            kind, body = "problem", _refusal(error)
+        finally:
+            self._stir.set()
+        await asyncio.shield(self._note(batch, item, kind, body))
+
+    async def _note(self, batch: _Batch, item: _Item, kind: str, body: bytes) -> None:
+        """Adds a line to the results; the last one ends the batch."""
+        head = orjson.dumps({"index": item.place, "name": item.name})[:-1]
+        line = b'%b,"%b":%b}\n' % (head, kind.encode(), body)
+        async with batch.lock:
+            record = batch.record
+
+            def keep() -> None:
+                self._store.append(record, batch.results, line)
+                if kind == "plan":
+                    record.done += 1
+                else:
+                    record.failed += 1
+                self._store.save(record)
+
+            if record.finished is not None:
+                return
+            try:
+                await asyncio.to_thread(keep)
+            except OSError as error:
+                log(event="results of a batch cannot be kept", batch=record.id, error=repr(error))
+                await self._finish(batch)
+            else:
+                if record.done + record.failed == record.total:
+                    await self._finish(batch)
+                batch.tell()
+
+    async def _cancel_all(self) -> None:
+        for batch in list(self._batches.values()):
+            async with batch.lock:
+                await self._finish(batch)
+
+    async def _finish(self, batch: _Batch) -> None:
+        """Ends a batch, whose lock we hold; what is not done is cancelled."""
+        record = batch.record
+        if record.finished is not None:
+            return
+        record.cancelled = record.total - record.done - record.failed
+        record.finished = time.time()
+        batch.items.clear()
+        for task in batch.running:
+            task.cancel()
+        try:
+            await asyncio.to_thread(self._store.save, record)
+        except OSError as error:
+            log(event="the record of a batch cannot be kept", batch=record.id, error=repr(error))
+        batch.results.close()
+        self._batches.pop(record.id, None)
+        batch.tell()
+
+
+def _counts(batch: _Batch) -> dict[str, int]:
+    record, running = batch.record, len(batch.running)
+    if record.finished is not None:
+        return {"running": 0, "waiting": 0}
+    return {"running": running, "waiting": record.total - record.done - record.failed - running}
+
+
+def _document(record: Record, counts: dict[str, int], keep: float) -> dict[str, Any]:
+    return {
+        "id": record.id,
+        "total": record.total,
+        "done": record.done,
+        "failed": record.failed,
+        **counts,
+        "cancelled": record.cancelled,
+        "created": _utc(record.created),
+        "finished": _utc(record.finished) if record.finished is not None else None,
+        "expires": _utc(record.finished + keep) if record.finished is not None else None,
+    }
+
+
+def _utc(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
+
+
+def _name(request: Any) -> str | None:
+    name = request.get("name") if isinstance(request, dict) else None
+    return name if isinstance(name, str) and len(name) <= MAX_NAME else None
+
+
+def _was_not_taken(error: Exception) -> bool:
+    return isinstance(error, Refusal) and error.code in ("overloaded", "draining")
+
+
+def _refusal(error: Exception) -> bytes:
+    """The problem document of an item that has no plan."""
+    if not isinstance(error, Refusal | PlanningError):
+        log(event="an item of a batch failed", failure="".join(traceback.format_exception(error)))
+        error = Refusal("internal-error", "Something went wrong here. The log has more.")
+    return write_json(problem_document(error))

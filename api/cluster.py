@@ -1,0 +1,278 @@
+"""Plans on a Dask cluster: each Dask worker supervises processes as the local pool does.
+
+This end of it keeps the queue and submits as many jobs at a time as the cluster offers planning processes;
+Dask decides where. The other end is `api.supervisor`, a plugin that every Dask worker gets from us.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import uuid
+from collections import Counter, deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from distributed import Client
+from distributed.client import FutureCancelledError
+from distributed.scheduler import KilledWorker
+
+from api.errors import Refusal
+from api.log import log
+from api.supervisor import NAME, Supervisor, carry, reported
+from api.workers import Loss
+
+__all__ = ["Cluster"]
+
+_GLANCE = 1.0
+"""How often we ask how many processes there are, s."""
+
+_SILENCE = 5.0
+"""A Dask scheduler that does not answer for so long is gone, s."""
+
+_TRAVEL = 10.0
+"""What a job may take beyond its deadline: to travel, and to begin anew where its Dask worker is lost, s."""
+
+_RETRY_AFTER = 1
+
+_LOSSES: dict[str, Loss] = {"deadline-exceeded": "deadline", "worker-crashed": "crashed"}
+
+
+class Cluster:
+    """The scheduler on a Dask cluster; see `api.scheduler.Scheduler`.
+
+    address        of the Dask scheduler, as tcp://host:port
+    queue_length   jobs that may wait for a process
+    queue_timeout  s; no job waits longer
+    """
+
+    def __init__(self, address: str, queue_length: int, queue_timeout: float) -> None:
+        self.address = address
+        self.queue_length = queue_length
+        self.queue_timeout = queue_timeout
+        self.shed = 0
+        self.restarts = 0
+        self.losses: Counter[Loss] = Counter()
+        self.draining = False
+        self._stopped = False
+        self._client: Client | None = None
+        self._connection: asyncio.Task[None] | None = None
+        self._size = 0
+        self._running = 0
+        self._waiting: deque[asyncio.Future[None]] = deque()
+        self._jobs: set[asyncio.Task[Any]] = set()
+        self._begun: dict[str, asyncio.Future[str]] = {}
+
+    @property
+    def trouble(self) -> str | None:
+        """Why a new client should go elsewhere; None: all is well."""
+        if self.draining:
+            return "The service is shutting down."
+        if self._client is None:
+            return "There is no connection to the cluster."
+        return None if self._size else "The cluster has no worker that is up."
+
+    @property
+    def ready(self) -> bool:
+        """Whether jobs are taken."""
+        return self.trouble is None
+
+    @property
+    def live(self) -> int:
+        """Planning processes that the cluster has, for all servers that use it."""
+        return self._size
+
+    @property
+    def queued(self) -> int:
+        """Jobs that wait here."""
+        return len(self._waiting)
+
+    @property
+    def spare(self) -> int:
+        """Processes that no job of ours is for."""
+        return max(0, self._size - self._running - len(self._waiting))
+
+    def start(self) -> None:
+        """Begins to connect."""
+        self._connection = asyncio.create_task(self._connect())
+
+    async def run(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        deadline: float,
+        progress: Callable[[Any], None] | None = None,
+    ) -> Any:
+        """See `api.scheduler.Scheduler.run`."""
+        if trouble := self.trouble:
+            raise Refusal("draining", trouble, retry_after=_RETRY_AFTER)
+        if self._running >= self._size and self.queued >= self.queue_length:
+            raise self._overloaded(f"{self.queued} plans already wait for {self._size} workers.")
+        job = asyncio.create_task(self._carry(pickle.dumps((function, args)), deadline, progress))
+        self._jobs.add(job)
+        try:
+            return await job
+        except asyncio.CancelledError:
+            if self._stopped and job.cancelled():
+                raise Refusal("draining", "Stopped by a shutdown.", retry_after=_RETRY_AFTER) from None
+            raise
+        finally:
+            self._jobs.discard(job)
+
+    async def drain(self, grace: float) -> None:
+        """Refuses new jobs, and waits up to `grace` s for those that have been taken."""
+        self.draining = True
+        if self._jobs:
+            await asyncio.wait(self._jobs, timeout=grace)
+        self._stop()
+
+    async def close(self) -> None:
+        """Gives up every job, and the connection."""
+        self.draining = True
+        self._stop()
+        if self._connection is not None:
+            self._connection.cancel()
+            await asyncio.gather(self._connection, return_exceptions=True)
+
+    def kill(self) -> None:
+        """Nothing: when we are gone, Dask releases our jobs."""
+
+    def _stop(self) -> None:
+        self._stopped = True
+        for job in self._jobs:
+            job.cancel()
+
+    async def _connect(self) -> None:
+        """Keeps the connection, and counts the cluster's processes."""
+        while True:
+            try:
+                async with Client(
+                    self.address, asynchronous=True, set_as_default=False, timeout=_SILENCE
+                ) as client:
+                    await asyncio.wait_for(client.register_plugin(Supervisor(), name=NAME), _SILENCE)
+                    client.subscribe_topic(NAME, self._note_beginning)
+                    self._client = client
+                    log(event="connected", cluster=self.address)
+                    while client.status == "running":
+                        self._resize(await asyncio.wait_for(_offered(client), _SILENCE))
+                        await asyncio.sleep(_GLANCE)
+            except Exception as error:
+                log(event="no connection", cluster=self.address, error=repr(error))
+            finally:
+                self._client = None
+                self._resize(0)
+            await asyncio.sleep(_GLANCE)
+
+    def _resize(self, size: int) -> None:
+        if size != self._size:
+            log(event="cluster", workers=size)
+        self._size = size
+        self._wake()
+
+    def _wake(self) -> None:
+        while self._waiting and self._running < self._size:
+            if not (next_ := self._waiting.popleft()).done():
+                self._running += 1
+                next_.set_result(None)
+
+    async def _take_turn(self) -> None:
+        """First come, first served."""
+        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._waiting.append(turn)
+        self._wake()
+        try:
+            await asyncio.wait({turn}, timeout=self.queue_timeout)
+            if not turn.done():
+                raise self._overloaded(f"No worker was free within {self.queue_timeout:g} s.")
+        except BaseException:
+            if turn.done():  # it was given and not taken
+                self._end_turn()
+            raise
+        finally:
+            with suppress(ValueError):
+                self._waiting.remove(turn)
+
+    def _end_turn(self) -> None:
+        self._running -= 1
+        self._wake()
+
+    def _overloaded(self, detail: str) -> Refusal:
+        self.shed += 1
+        return Refusal("overloaded", detail, retry_after=_RETRY_AFTER)
+
+    async def _carry(self, payload: bytes, deadline: float, progress: Callable[[Any], None] | None) -> Any:
+        await self._take_turn()
+        try:
+            return await self._have_done(payload, deadline, progress)
+        except Refusal as refusal:
+            if loss := _LOSSES.get(refusal.code):
+                self._count(loss)
+            raise
+        except asyncio.CancelledError:
+            self._count("cancelled")
+            raise
+        finally:
+            self._end_turn()
+
+    def _count(self, loss: Loss) -> None:
+        self.losses[loss] += 1
+        self.restarts += 1  # by the Dask worker
+
+    async def _have_done(
+        self, payload: bytes, deadline: float, progress: Callable[[Any], None] | None
+    ) -> Any:
+        if (client := self._client) is None:
+            raise Refusal("draining", "The connection to the cluster was lost.", retry_after=_RETRY_AFTER)
+        key = f"{NAME}-{uuid.uuid4().hex}"
+        listener = asyncio.create_task(self._listen(client, key, progress)) if progress else None
+        future = client.submit(
+            carry, key, payload, deadline, progress is not None,
+            key=key, pure=False, resources={NAME: 1},
+        )  # fmt: skip
+        try:
+            async with asyncio.timeout(deadline + _TRAVEL):
+                done, outcome = await future
+        except TimeoutError:
+            detail = f"The cluster did not answer within {deadline + _TRAVEL:g} s."
+            raise Refusal("deadline-exceeded", detail) from None
+        except FutureCancelledError:
+            detail = "The connection to the cluster was lost."
+            raise Refusal("draining", detail, retry_after=_RETRY_AFTER) from None
+        except KilledWorker:
+            detail = "Every worker of the cluster that began this plan died."
+            raise Refusal("worker-crashed", detail) from None
+        finally:
+            future.release()
+            if listener is not None:
+                listener.cancel()
+        if not done:
+            raise outcome
+        return outcome
+
+    async def _listen(self, client: Client, key: str, progress: Callable[[Any], None]) -> None:
+        """Hands on what the job reports."""
+        begun = self._begun[key] = asyncio.get_running_loop().create_future()
+        try:
+            place = await begun
+            while True:
+                answers = await client.run(reported, key, workers=[place])
+                for value in answers[place]:
+                    progress(value)
+        finally:
+            del self._begun[key]
+
+    def _note_beginning(self, event: tuple[float, Any]) -> None:
+        key, place = event[1]
+        if (begun := self._begun.get(key)) is not None and not begun.done():
+            begun.set_result(place)
+
+
+async def _offered(client: Client) -> int:
+    assert client.scheduler is not None
+    cluster = await client.scheduler.identity()
+    return sum(
+        int(worker["resources"].get(NAME, 0))
+        for worker in cluster["workers"].values()
+        if worker["status"] == "running"
+    )

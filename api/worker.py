@@ -1,0 +1,183 @@
+"""One worker process: how the server starts it, talks to it and ends it, and what it does.
+
+Workers are forked from a fork server that has imported and warmed the planner once, so that a replacement is
+ready in milliseconds. On Linux the kernel ends them when the server is gone; elsewhere they end with the job
+that they are doing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import os
+import pickle
+import resource
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from importlib import import_module
+from multiprocessing import forkserver, get_context
+from multiprocessing.connection import Connection
+from typing import Any, Literal
+
+__all__ = ["Worker", "report", "stop_starting"]
+
+Kind = Literal["taken", "progress", "result", "error"]
+
+_OUT_OF_MEMORY = 97
+"""Exit status of a worker that its memory limit has stopped."""
+
+_LONGEST_START = 600.0
+"""The first worker waits for the fork server to import and compile everything, s."""
+
+_context = get_context("forkserver")
+
+
+class Worker:
+    """A process that is up.
+
+    preload: modules that the fork server imports before it forks; the worker is up when it has them.
+    memory: what it may allocate, in bytes; 0: unlimited. Raises OSError or EOFError where it does not start.
+    """
+
+    def __init__(self, preload: Sequence[str], memory: int) -> None:
+        _context.set_forkserver_preload(list(preload))
+        self._pipe, theirs = _context.Pipe()
+        watched, self._lifeline = _context.Pipe(duplex=False)
+        arguments = (theirs, watched, preload, memory)
+        self._process = _context.Process(target=_work, args=arguments, daemon=True)
+        self.ended: asyncio.Future[None]
+        try:
+            self._process.start()
+            theirs.close()
+            watched.close()
+            if not self._pipe.poll(_LONGEST_START):
+                raise OSError(f"not up after {_LONGEST_START:g} s")
+            self._pipe.recv_bytes()
+        except BaseException:
+            self._lifeline.close()
+            self.kill()
+            raise
+
+    @property
+    def pid(self) -> int | None:
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """Negative: the signal that ended it. None while it runs."""
+        return self._process.exitcode
+
+    @property
+    def out_of_memory(self) -> bool:
+        """Whether it has ended at its memory limit."""
+        return self.exit_code == _OUT_OF_MEMORY
+
+    def watch(self) -> None:
+        """From now on `ended` is done when the process has ended."""
+        loop = asyncio.get_running_loop()
+        ended = self.ended = loop.create_future()
+
+        def end() -> None:
+            loop.remove_reader(self._process.sentinel)
+            ended.set_result(None)
+
+        loop.add_reader(self._process.sentinel, end)
+
+    def unwatch(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._process.sentinel)
+
+    def exchange(
+        self, job: bytes, taken: Callable[[], object], progress: Callable[[Any], object]
+    ) -> tuple[Kind, Any]:
+        """Has the worker do a job, and waits: ("result" or "error", what it returned or raised).
+
+        Raises EOFError or OSError where the process ends, and whatever unpickling raises.
+        """
+        try:
+            self._pipe.send_bytes(job)
+            while True:
+                kind, value = pickle.loads(self._pipe.recv_bytes())
+                if kind == "taken":
+                    taken()
+                elif kind == "progress":
+                    progress(value)
+                else:
+                    return kind, value
+        except (EOFError, OSError):
+            self._process.join(1.0)  # its exit code arrives a little later
+            raise
+
+    def kill(self) -> None:
+        if self._process.pid is not None:
+            self._process.kill()
+
+    def discard(self) -> None:
+        """Kills the process and waits for its end. Nobody may be using the pipe."""
+        self.kill()
+        self._lifeline.close()
+        self._process.join()
+        self._pipe.close()
+
+
+def stop_starting() -> None:
+    """Ends the fork server, so that no thread of ours waits any longer for it to import what it should."""
+    if (pid := forkserver._forkserver._forkserver_pid) is not None:  # type: ignore[attr-defined]
+        os.kill(pid, signal.SIGKILL)
+
+
+_caller: Connection | None = None
+"""In a worker: where the caller of the present job hears of its progress, if it wants to."""
+
+
+def report(value: Any) -> None:
+    """Tells the caller of the present job how far it is. Outside a worker, or where nobody asked: nothing."""
+    if _caller is not None:
+        _send(_caller, "progress", value)
+
+
+def _send(pipe: Connection, kind: Kind, value: Any = None) -> None:
+    pipe.send_bytes(pickle.dumps((kind, value), pickle.HIGHEST_PROTOCOL))
+
+
+def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str], memory: int) -> None:
+    """In the worker: does one job after the other until the pipe closes."""
+    # Signals to the whole process group are the server's to answer; its plans in flight may finish.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if sys.platform == "linux":
+        # The server holds the other end of the lifeline. When it dies the kernel raises SIGIO here, whose
+        # default is the end of the process, even while a solver holds the interpreter's lock.
+        fcntl.fcntl(lifeline, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+    for module in preload:  # the fork server has them, unless it could not import them
+        import_module(module)
+    if memory:
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
+    with suppress(EOFError, OSError):
+        pipe.send_bytes(b"up")
+        while True:
+            job = pipe.recv_bytes()
+            _send(pipe, "taken")
+            _do(pipe, job)
+
+
+def _do(pipe: Connection, job: bytes) -> None:
+    global _caller
+    try:
+        function, args, listens = pickle.loads(job)
+        _caller = pipe if listens else None
+        _send(pipe, "result", function(*args))
+    except MemoryError:
+        os._exit(_OUT_OF_MEMORY)  # who knows what is left undone
+    except BaseException as error:
+        error.add_note(traceback.format_exc())
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            stand_in = RuntimeError(f"{type(error).__name__}: {error}")
+            stand_in.add_note(traceback.format_exc())
+            error = stand_in
+        _send(pipe, "error", error)
