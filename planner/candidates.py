@@ -80,7 +80,9 @@ def candidates(
     if effort == "best":
         known: set[float] = set()
         for near in _stopping(problem, local, goals, watch):
-            yield _hastened([near], limits)
+            stopping = _hastened([near], limits)
+            watch.lap("optimize")
+            yield stopping
             # A search often finds the same way again.
             duration = round(near.timed.duration, 6)
             if duration not in known and not watch.is_over(optimizer.longest):
@@ -163,16 +165,16 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
                 break
             path = shorten(path, local)
             watch.lap("shorten")
-            searched += 1
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)
             _refuse_if_endless(timed, options.sample_period)
             watch.lap("time")
             yield Candidate(planner, timed)
-            count += 1
         except LimitsInfeasible as error:
             refused = refused or error
         else:
+            count += 1
+            searched += planner != "direct"
             if options.effort == "good" and turns_back:
                 turns_back = reversals(timed) > 0
                 # On an open floor no way is better than a direct one.
