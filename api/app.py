@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
@@ -20,6 +20,7 @@ from api import (
     routes_kinematics,
     routes_maps,
     routes_operations,
+    routes_page,
     routes_plans,
     routes_robots,
 )
@@ -34,7 +35,7 @@ from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import PROBES, Envelope
 from api.planning import answer_plan
-from api.scheduler import Scheduler, scheduler_of
+from api.scheduler import Scheduler, local_pool
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
 from api.tokens import Guard, Tokens
@@ -42,12 +43,18 @@ from api.validation import validated
 from planner.errors import PlanningError
 from planner.problem import Problem as PlanProblem
 
-__all__ = ["create_app"]
+__all__ = ["create_app", "scheduler_of"]
 
 _ROUTES = (
-    routes_plans, routes_batches, routes_kinematics, routes_drives, routes_robots, routes_maps,
+    routes_plans,
+    routes_batches,
+    routes_kinematics,
+    routes_drives,
+    routes_robots,
+    routes_maps,
     routes_operations,
-)  # fmt: skip
+    routes_page,
+)
 
 
 def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
@@ -96,12 +103,27 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     return app
 
 
+def scheduler_of(settings: Settings) -> Scheduler:
+    """The scheduler that the settings ask for. Raises ValueError."""
+    address = settings.scheduler
+    if not address:
+        return local_pool(settings, settings.workers)
+    if "://" not in address:
+        raise ValueError(f"WHEELPLAN_SCHEDULER must be an address like tcp://host:8786, not {address!r}")
+    try:
+        from api.cluster import Cluster  # takes long to import
+    except ImportError as error:
+        raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
+    return Cluster(address, settings.queue_length, settings.queue_timeout)
+
+
 def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
     settings: Settings = app.state.settings
 
-    def read(request: Any) -> PlanProblem:
+    def read(request: Any, held: ExitStack) -> PlanProblem:
         asked = validated(BatchItem, request)
-        return to_problem(asked, app.state.maps.layer, settings.max_time_budget)
+        find_map = held.enter_context(app.state.maps.leased())
+        return to_problem(asked, find_map, settings.max_time_budget)
 
     async def plan(problem: PlanProblem) -> bytes:
         with app.state.maps.leased() as find_map:

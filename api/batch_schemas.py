@@ -46,17 +46,17 @@ class BatchAnswer(BaseModel):
     cancelled: int = amount("Requests given up because the batch was cancelled", "requests", example=0)
     created: str = quantity("When it was taken, RFC 3339", "", example="2026-01-31T12:00:00.000+00:00")
     finished: str | None = quantity(
-        "When it ended; null while it runs", "", example="2026-01-31T12:30:00.000+00:00"
+        "When it ended; null while it runs", "", example="2026-01-31T12:01:30.000+00:00"
     )
     expires: str | None = quantity(
-        "When its results go, at the latest; null while it runs", "", example="2026-01-31T12:30:00.000+00:00"
+        "When its results go, at the latest; null while it runs", "", example="2026-02-01T12:01:30.000+00:00"
     )
 
 
 class BatchLine(BaseModel):
     """One line of the results: either a plan or a problem."""
 
-    index: int = amount("The request's place in the batch, from 0", "1", example=0)
+    index: int = amount("The request's place in the batch, from 0", "requests", example=0)
     name: str | None = quantity("The request's name", "", example="dock-7")
     plan: PlanAnswer | None = quantity("As POST /v1/plans answers; absent where there is a problem", "", None)
     problem: Problem | None = quantity(

@@ -9,7 +9,7 @@ import traceback
 import uuid
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
@@ -63,7 +63,7 @@ class Batches:
     Items of all running batches take turns. One is handed to the scheduler only where a worker is spare, so
     that whoever waits for a single plan is never behind an item that waits, too.
 
-    read: what an item asks for; raises Refusal or PlanningError
+    read: what an item asks for, and what has to be held until it is planned; raises Refusal or PlanningError
     plan: the JSON of its answer; likewise
     """
 
@@ -71,7 +71,7 @@ class Batches:
         self,
         scheduler: Scheduler,
         store: BatchStore,
-        read: Callable[[Any], Problem],
+        read: Callable[[Any, ExitStack], Problem],
         plan: Callable[[Problem], Awaitable[bytes]],
         max_running: int,
     ) -> None:
@@ -170,20 +170,25 @@ class Batches:
     async def _hand_out_items(self) -> None:
         while True:
             batch, item = await self._next()
+            held = ExitStack()
             try:
-                problem = await asyncio.to_thread(self._problem, item)
+                problem = await asyncio.to_thread(self._problem, item, held)
             except Exception as error:
-                await self._note(batch, item, "problem", _refusal(error))
+                held.close()
+                await asyncio.shield(self._note(batch, item, "problem", _refusal(error)))
                 continue
             await self._room()
             if batch.record.finished is None:
                 task = asyncio.create_task(self._carry(batch, item, problem))
                 batch.running.add(task)
                 task.add_done_callback(batch.running.discard)
+                task.add_done_callback(lambda _, held=held: held.close())  # type: ignore[misc]
                 await asyncio.sleep(0)  # from its first step on, it counts in scheduler.spare
+            else:
+                held.close()
 
-    def _problem(self, item: _Item) -> Problem:
-        return self._read(pickle.loads(item.request))
+    def _problem(self, item: _Item, held: ExitStack) -> Problem:
+        return self._read(pickle.loads(item.request), held)
 
     async def _next(self) -> tuple[_Batch, _Item]:
         while True:
@@ -203,8 +208,10 @@ class Batches:
                 await self._cancel_all()
                 return
             self._stir.clear()
+            # Not wait_for, which before Python 3.12 loses a cancellation that comes with the event.
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._stir.wait(), _GLANCE)
+                async with asyncio.timeout(_GLANCE):
+                    await self._stir.wait()
 
     async def _carry(self, batch: _Batch, item: _Item, problem: Problem) -> None:
         try:

@@ -145,17 +145,19 @@ class Cluster:
 
     async def _connect(self) -> None:
         """Keeps the connection, and counts the cluster's processes."""
-        while True:
+        while not self._stopped:  # not only cancelled: a library may lose a cancellation
             try:
                 async with Client(
                     self.address, asynchronous=True, set_as_default=False, timeout=_SILENCE
                 ) as client:
-                    await asyncio.wait_for(client.register_plugin(Supervisor(), name=NAME), _SILENCE)
+                    async with asyncio.timeout(_SILENCE):
+                        await client.register_plugin(Supervisor(), name=NAME)
                     client.subscribe_topic(NAME, self._note_beginning)
                     self._client = client
                     log(event="connected", cluster=self.address)
-                    while client.status == "running":
-                        self._resize(await asyncio.wait_for(_offered(client), _SILENCE))
+                    while client.status == "running" and not self._stopped:
+                        async with asyncio.timeout(_SILENCE):
+                            self._resize(await _offered(client))
                         await asyncio.sleep(_GLANCE)
             except Exception as error:
                 log(event="no connection", cluster=self.address, error=repr(error))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Request, Response
@@ -10,8 +9,8 @@ from fastapi.responses import StreamingResponse
 
 from api.batch_schemas import BatchAnswer, BatchRequest
 from api.batches import Batches
-from api.errors import Refusal
 from api.http import json_only, json_response, problems, read_model, request_body, settings_of
+from api.maps import room_or_refusal
 from api.negotiation import choose
 
 __all__ = ["router"]
@@ -45,12 +44,8 @@ async def create_batch(request: Request) -> Response:
     batches = _batches(request)
     batches.admit()  # before the body is read
     asked = await read_model(request, BatchRequest, settings_of(request).max_batch_bytes)
-    try:
+    with room_or_refusal():
         document = await batches.add(asked.requests)
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise Refusal("insufficient-storage", "There is no room for the results of a batch.") from None
-        raise
     return json_response(document, 202, {"Location": f"/v1/batches/{document['id']}"})
 
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from api.settings import Settings
 from api.workers import Loss, Pool
 
-__all__ = ["Scheduler", "local_pool", "scheduler_of"]
+__all__ = ["Scheduler", "local_pool"]
 
 
 class Scheduler(Protocol):
@@ -71,20 +71,6 @@ class Scheduler(Protocol):
 
     def kill(self) -> None:
         """The same without an event loop, where one has ended too soon."""
-
-
-def scheduler_of(settings: Settings) -> Scheduler:
-    """The scheduler that the settings ask for. Raises ValueError."""
-    address = settings.scheduler
-    if not address:
-        return local_pool(settings, settings.workers)
-    if "://" not in address:
-        raise ValueError(f"WHEELPLAN_SCHEDULER must be an address like tcp://host:8786, not {address!r}")
-    try:
-        from api.cluster import Cluster  # takes long to import
-    except ImportError as error:
-        raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
-    return Cluster(address, settings.queue_length, settings.queue_timeout)
 
 
 def local_pool(settings: Settings, size: int) -> Pool:

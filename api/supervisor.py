@@ -11,10 +11,12 @@ import asyncio
 import multiprocessing
 import pickle
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 from distributed import Reschedule, Worker, WorkerPlugin, get_worker
 
+from api.convert import FindMap
 from api.errors import Refusal
 from api.maps import MapStore
 from api.scheduler import local_pool
@@ -118,12 +120,17 @@ def _supervisor(worker: Worker) -> Supervisor:
 def _at_home(payload: bytes) -> Any:
     """In a planning process: the function's result, its map read from this machine's storage."""
     function, args = pickle.loads(payload)
-    return function(*map(_with_own_map, args))
+    with _maps().leased() as find_map:
+        return function(*(_with_own_map(value, find_map) for value in args))
 
 
-def _with_own_map(value: Any) -> Any:
+@cache
+def _maps() -> MapStore:
+    return MapStore(Settings.from_environment().data_dir / "maps", 1)
+
+
+def _with_own_map(value: Any, find_map: FindMap) -> Any:
     if not isinstance(value, Problem) or (layer := value.environment.map) is None:
         return value
-    own = MapStore(Settings.from_environment().data_dir / "maps", 1).layer(layer.id)
-    environment = replace(value.environment, map=replace(layer, directory=own.directory))
-    return replace(value, environment=environment)
+    own = replace(layer, directory=find_map(layer.id).directory)
+    return replace(value, environment=replace(value.environment, map=own))

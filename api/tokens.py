@@ -15,7 +15,9 @@ from api.log import log
 
 __all__ = ["Guard", "Tokens"]
 
-_OPEN = {"/livez", "/readyz"}
+_OPEN = {"/livez", "/readyz", "/"}
+_PAGE = "/static/"
+"""The page is open, for it asks for a token; what it shows of the service is not."""
 
 
 class Tokens:
@@ -58,14 +60,14 @@ class Tokens:
 
 
 class Guard:
-    """ASGI middleware: lets in who sends a token, and probes of health."""
+    """ASGI middleware: lets in who sends a token, probes of health, and who opens the page."""
 
     def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
         self.app = app
         self.tokens = tokens
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["path"] in _OPEN:
+        if scope["type"] != "http" or scope["path"] in _OPEN or scope["path"].startswith(_PAGE):
             await self.app(scope, receive, send)
             return
         scheme, _, token = Headers(scope=scope).get("authorization", "").partition(" ")

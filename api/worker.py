@@ -170,9 +170,10 @@ def _do(pipe: Connection, job: bytes) -> None:
         function, args, listens = pickle.loads(job)
         _caller = pipe if listens else None
         _send(pipe, "result", function(*args))
-    except MemoryError:
-        os._exit(_OUT_OF_MEMORY)  # who knows what is left undone
     except BaseException as error:
+        # CasADi makes a RuntimeError of what C++ calls it.
+        if isinstance(error, MemoryError) or "std::bad_alloc" in str(error):
+            os._exit(_OUT_OF_MEMORY)  # who knows what is left undone
         error.add_note(traceback.format_exc())
         try:
             pickle.loads(pickle.dumps(error))

@@ -116,7 +116,7 @@ def report(robot: Robot, length: float, repeat: int, base: list[float]) -> list[
     optimizer = Optimizer(problem, world, lambda _: False)
     _, shortening = clocked(lambda: shorten(path, local), repeat)
     timed, timing = clocked(lambda: time_path(path, robot.drive, robot.limits), repeat)
-    faster, optimizing = clocked(lambda: optimizer.faster(timed, 1, alone=False), repeat)
+    faster, optimizing = clocked(lambda: optimizer.faster(timed, 1), repeat)
     way = sum(piece.length for piece in path)
     costs = [cost / way for cost in (shortening, timing, optimizing)]
     base = base or costs

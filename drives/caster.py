@@ -22,6 +22,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from drives.drive import BodyPath
@@ -57,7 +58,8 @@ def swing(path: BodyPath, p: Array, dp: Array, start: Array, offset: float) -> A
         piece = _magnus(t_at(early).real, t_at(late).real, q_at(early), q_at(late), h / pieces)
         step = piece if step is None else _then(step, piece)
     assert step is not None
-    return _follow(start, *step)
+    turn, pull = step
+    return np.asarray(_follow(np.array(start), np.ascontiguousarray(turn), np.ascontiguousarray(pull)))
 
 
 def _plane(v: Array) -> Complex:
@@ -93,14 +95,13 @@ def _then(first: tuple[Array, Complex], second: tuple[Array, Complex]) -> tuple[
     return a1 + a2 + np.angle(one), (g1 + back) / one
 
 
+@njit(cache=True, error_model="numpy")
 def _follow(start: Array, a: Array, g: Complex) -> Array:
     """The angles (n, m) after none, one, … all of the steps a, g (n - 1, m)."""
     beta = np.empty((len(a) + 1, len(start)))
     beta[0] = start
-    for j in range(len(start)):
-        angle, column = float(start[j]), []
-        for turn, pull in zip((2 * a[:, j]).tolist(), g[:, j].tolist(), strict=True):
-            angle += turn + 2 * cmath.phase(1 + pull * cmath.rect(1.0, -angle))
-            column.append(angle)
-        beta[1:, j] = column
+    for i in range(len(a)):
+        for j in range(len(start)):
+            angle = beta[i, j]
+            beta[i + 1, j] = angle + 2 * a[i, j] + 2 * cmath.phase(1 + g[i, j] * cmath.rect(1.0, -angle))
     return beta

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from drives.drive import (
     WheelState,
 )
 from drives.se2 import Array, Twist
+from drives.wheel import explained
 
 __all__ = ["FixedWheels"]
 
@@ -57,14 +58,7 @@ class FixedWheels(Drive):
 
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
         _, rows, pseudo = self._equations
-        values = rates * self.rolling()[1]
-        if not self.sideways:
-            values = np.hstack([values, np.zeros((len(values), 1))])
-        twist = values @ pseudo.T
-        unmet = twist @ rows.T
-        unmet -= values
-        # Column by column: numpy is slow at short rows.
-        return twist, reduce(np.maximum, np.abs(unmet, out=unmet).T)
+        return explained(rows, pseudo, np.ascontiguousarray(rates, dtype=float), self.rolling()[1])
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf

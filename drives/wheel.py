@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 
-__all__ = ["Module", "SwedishWheel", "rolling_row", "solve_twist", "velocity_at", "wheel_rows"]
+__all__ = ["Module", "SwedishWheel", "explained", "rolling_row", "solve_twist", "velocity_at", "wheel_rows"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +63,22 @@ def wheel_rows(x: Array, y: Array, heading: Array, trail: float = 0.0) -> Array:
     A sliding row takes a twist to the velocity, m/s, of the contact to the left of `heading`. The contact
     lies `trail` (m) behind (x, y); the wheel's own turning is left out.
     """
-    c, s = np.cos(heading), np.sin(heading)
+    return np.asarray(_wheel_rows(x, y, np.ascontiguousarray(heading), float(trail)))
+
+
+@njit(cache=True, error_model="numpy")
+def _wheel_rows(x: Array, y: Array, heading: Array, trail: float) -> Array:
     n, m = heading.shape
-    rows = np.empty((3, n, 2 * m))  # so that numpy meets long runs
-    rows[0, :, :m], rows[0, :, m:] = c, -s
-    rows[1, :, :m], rows[1, :, m:] = s, c
-    rows[2, :, :m], rows[2, :, m:] = x * s - y * c, x * c + y * s - trail
-    return np.moveaxis(rows, 0, -1)
+    rows = np.empty((n, 2 * m, 3))
+    for i in range(n):
+        for j in range(m):
+            c, s = 1.0, 0.0
+            if heading[i, j] != 0.0:  # of wheels that never steer it is
+                c, s = math.cos(heading[i, j]), math.sin(heading[i, j])
+            rows[i, j, 0], rows[i, j, 1], rows[i, j, 2] = c, s, x[j] * s - y[j] * c
+            k = m + j
+            rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] = -s, c, x[j] * c + y[j] * s - trail
+    return rows
 
 
 def velocity_at(x: Array, y: Array, twists: Array) -> Array:
@@ -90,6 +99,27 @@ def solve_twist(rows: Array, values: Array) -> tuple[Array, Array]:
     if left.any():
         twist[left], slip[left] = _solve_by_pinv(rows[left] / (1.0, 1.0, length), values[left])
         twist[left] /= (1.0, 1.0, length)
+    return twist, slip
+
+
+@njit(cache=True, error_model="numpy")
+def explained(rows: Array, pseudo: Array, rates: Array, travel: Array) -> tuple[Array, Array]:
+    """Least-squares twists (n, 3) of wheels at constant rows (e, 3), and slip (n,). rates (n, m) rad/s and
+    travel (m,) m/rad: rows · twist = travel * rates, and 0 for rows beyond the m-th; pseudo (3, e): the rows'
+    pseudo-inverse."""
+    n, m = rates.shape
+    twist, slip = np.empty((n, 3)), np.zeros(n)
+    values = np.zeros(len(rows))
+    for i in range(n):
+        vx = vy = omega = 0.0
+        for k in range(m):
+            v = values[k] = travel[k] * rates[i, k]
+            vx, vy, omega = vx + pseudo[0, k] * v, vy + pseudo[1, k] * v, omega + pseudo[2, k] * v
+        for k in range(len(rows)):
+            unmet = abs(rows[k, 0] * vx + rows[k, 1] * vy + rows[k, 2] * omega - values[k])
+            if unmet > slip[i] or math.isnan(unmet):
+                slip[i] = unmet
+        twist[i, 0], twist[i, 1], twist[i, 2] = vx, vy, omega
     return twist, slip
 
 

@@ -15,8 +15,8 @@ from planner.bow import bowed
 from planner.connect import Connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
-from planner.guess import flowing_time
-from planner.optimize import Optimizer
+from planner.guess import flowing_time, reversals
+from planner.optimize import Optimizer, is_far
 from planner.path import LinePiece, Path
 from planner.problem import Problem
 from planner.retime import hastened
@@ -31,8 +31,14 @@ __all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
 MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
 
-_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, 3
-_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 2, 1, 6
+_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (3, 4)
+"""Ways to the goal: direct ones; those found by search, and how many where all turn back."""
+_GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
+_WORK = 1200
+"""Motions that may be checked to find other ways than direct ones."""
+_HOPE = 0.92
+"""Share of its flowing time that a motion may take once it is optimized, where the best so far turns
+back."""
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
@@ -59,7 +65,7 @@ def candidates(
     optimizer = Optimizer(problem, local.world, watch.is_over)
 
     def optimized(near: Candidate, rounds: int) -> list[Candidate]:
-        faster = optimizer.faster(near.timed, rounds, alone=near.planner == "direct")
+        faster = optimizer.faster(near.timed, rounds)
         watch.lap("optimize")
         return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
 
@@ -74,7 +80,9 @@ def candidates(
     if effort == "best":
         known: set[float] = set()
         for near in _stopping(problem, local, goals, watch):
-            yield _hastened([near], limits)
+            stopping = _hastened([near], limits)
+            watch.lap("optimize")
+            yield stopping
             # A search often finds the same way again.
             duration = round(near.timed.duration, 6)
             if duration not in known and not watch.is_over(optimizer.longest):
@@ -85,15 +93,23 @@ def candidates(
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
         found.sort(key=lambda near: flowing_time(near.timed, limits))
+        best: tuple[float, Candidate] | None = None
         for near in found[:_GOOD_TRIES]:
             if watch.is_over():
                 break
+            if best is not None:
+                hope = _HOPE if reversals(best[1].timed) else 1.0
+                if hope * flowing_time(near.timed, limits) >= best[0]:
+                    break
             if faster := optimized(near, _GOOD_ROUNDS):
                 found += faster
-                break
+                if best is None or faster[0].timed.duration < best[0]:
+                    best = faster[0].timed.duration, near
     found.sort(key=_duration)
-    yield found if effort == "first" else _hastened(found, limits)
-    watch.lap("optimize")
+    if effort == "good":
+        found = _hastened(found, limits)
+        watch.lap("optimize")
+    yield found
 
 
 def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:
@@ -116,17 +132,33 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
     """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
     options, robot = problem.options, problem.robot
     search = Search(local, problem.environment, problem.start, goals, options.seed)
-    enough = {"first": 1, "good": _GOOD_CANDIDATES, "best": math.inf}[options.effort]
-    count = 0
+    count = searched = 0
+    turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
     found = list(islice(direct, 1))
     if not found:
         _refuse_if_separated(problem, local.world)
-    ways: Iterator[tuple[str, Path]] = (("direct", path) for path in chain(found, direct))
-    if not found or options.effort == "best":
-        ways = chain(ways, search.paths(watch.is_over))
-    for planner, path in ways:
+
+    def ways() -> Iterator[tuple[str, Path]]:
+        for path in chain(found, direct):
+            yield "direct", path
+        if count and options.effort == "good":
+            search.allowance = _WORK
+        if not count or options.effort == "best" or turns_back:
+            yield from search.paths(watch.is_over)
+
+    def is_enough() -> bool:
+        match options.effort:
+            case "first":
+                return count > 0
+            case "good":
+                few, most = _GOOD_CANDIDATES
+                return searched >= (most if turns_back else few)
+            case "best":
+                return False
+
+    for planner, path in ways():
         watch.lap("search")
         if planner != "direct":
             if count and watch.is_over():
@@ -138,14 +170,21 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             _refuse_if_endless(timed, options.sample_period)
             watch.lap("time")
             yield Candidate(planner, timed)
-            count += 1
         except LimitsInfeasible as error:
             refused = refused or error
-        if watch.is_over() or (count >= enough and not (planner == "direct" and options.effort == "good")):
+        else:
+            count += 1
+            searched += planner != "direct"
+            if options.effort == "good" and turns_back:
+                turns_back = reversals(timed) > 0
+                # On an open floor no way is better than a direct one.
+                if planner == "direct" and count == 1 and is_far(timed, robot.limits, local.world):
+                    turns_back = False
+        if is_enough() or watch.is_over():
             break
         if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.
-            search.allowance = 2 * search.work + 200
+            search.allowance = 2 * search.work + (_WORK if turns_back else 200)
     if count == 0:
         raise refused or NoPathFound(
             f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried

@@ -17,12 +17,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from drives.se2 import Array
+from drives.se2 import Array, Pose
 from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, winding
 
 __all__ = [
-    "CONTACT", "World", "clear", "clearances", "contained", "field_bounds", "fill_field", "footprint_heading",
-    "pose_clearance", "pose_clearance_at_least", "pose_free", "solid", "to_local",
+    "CONTACT", "World", "body_point", "clear", "clearances", "contained", "field_bounds", "fill_field",
+    "footprint_heading", "pose_clearance", "pose_clearance_at_least", "pose_free", "solid", "to_local",
 ]  # fmt: skip
 
 World: TypeAlias = Array
@@ -113,6 +113,14 @@ def to_local(world: World, x: float, y: float, theta: float) -> tuple[float, flo
 def footprint_heading(world: World, theta: float) -> float:
     """The footprint's heading at a pose's, both in the own frame."""
     return theta if math.isnan(world[HEADING]) else world[HEADING]
+
+
+def body_point(world: World, pose: Pose, x: float, y: float) -> tuple[float, float]:
+    """Where a point (m, body frame) of the footprint is at a client's pose, own frame."""
+    px, py, theta = to_local(world, float(pose.x), float(pose.y), float(pose.theta))
+    heading = footprint_heading(world, theta)
+    c, s = math.cos(heading), math.sin(heading)
+    return float(px + c * x - s * y), float(py + s * x + c * y)
 
 
 @kernel

@@ -31,9 +31,9 @@ __all__ = ["half_planes"]
 
 
 @kernel
-def half_planes(world: World, poses: Array, relaxed: bool, spare: float, sides: int = 1) -> Array:
-    """Planes (n, sides·k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m,
-    world frame). Two sides: another one for what is nearest on the other side of each disc.
+def half_planes(world: World, poses: Array, relaxed: bool, spare: float) -> Array:
+    """Planes (n, 2k, 5) for the k discs that cover the footprint, at poses (n, 3): nx, ny, x, y, d (m, world
+    frame): for what is nearest to each disc, and what is nearest on the other side of it.
 
     The point (x, y) of the body keeps clear of the obstacle nearest to its disc where n·point >= d. Where
     `relaxed`, planes that the pose itself does not keep to are moved to where it does. spare m: room asked
@@ -41,16 +41,16 @@ def half_planes(world: World, poses: Array, relaxed: bool, spare: float, sides: 
     """
     first, last = int(world[DISCS]), int(world[WALLS])
     count = (last - first) // 4
-    planes = np.zeros((len(poses), sides * count, 5))
+    planes = np.zeros((len(poses), 2 * count, 5))
     reach = world[RADIUS] + world[MIN_CLEARANCE] + spare
     for i in range(len(poses)):
         x, y, theta = to_local(world, poses[i, 0], poses[i, 1], poses[i, 2])
         heading = footprint_heading(world, theta)
         c, s = math.cos(heading), math.sin(heading)
         ax = ay = 0.0
-        for j in range(sides * count):
-            k = first + 4 * (j // sides)
-            if j % sides == 0:
+        for j in range(2 * count):
+            k = first + 4 * (j // 2)
+            if j % 2 == 0:
                 ax = ay = 0.0
             bx, by = world[k], world[k + 1]
             px, py = x + c * bx - s * by, y + s * bx + c * by

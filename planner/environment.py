@@ -47,7 +47,7 @@ __all__ = [
     "warm_up",
 ]
 
-_FIELD_CELLS = 2**14  # at most about so many over bounds,
+_FIELD_CELLS = 2**13  # at most about so many over bounds,
 _FIELD_SIDE = 512  # in a row or column of them,
 _MAP_FIELD_CELLS = 2**17  # and over a map
 

@@ -8,7 +8,8 @@ smoothed by a moving average over the time that it takes to get to speed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from drives.se2 import Array
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
 
-__all__ = ["Coordinates", "Guess", "flowing", "flowing_time", "ramp_time", "sampled"]
+__all__ = ["Coordinates", "Guess", "cruising", "flowing", "flowing_time", "ramp_time", "reversals", "sampled"]
 
 Coordinates = Literal["twist", "unicycle", "car"]
 """(vx, vy, omega), (v, omega) or (v, curvature), see trajectory.Flowing."""
@@ -48,15 +49,22 @@ class Guess:
 
 def flowing_time(motion: Phases, limits: Limits) -> float:
     """About how long (s) a motion would take if it only stopped where it changes direction."""
-    cruise, _, twist = _cruising(motion, limits)
-    forward = np.sign(twist[np.abs(twist[:, 0]) > _STILL, 0]) if not twist[:, 1].any() else np.zeros(0)
-    turns = np.count_nonzero(np.diff(forward))
-    return float(cruise[-1]) + (1 + turns) * ramp_time(limits)
+    return float(cruising(motion, limits).time[-1]) + (1 + reversals(motion)) * ramp_time(limits)
+
+
+def reversals(motion: Phases) -> int:
+    """How often a motion that drives where it heads turns back."""
+    pieces = [phase.piece for phase in motion.phases if isinstance(phase, Driven)]
+    tangent = np.array([piece.body_path(np.array([0.5])).tangent[0] for piece in pieces])
+    if tangent[:, 1].any():
+        return 0
+    forward = np.sign(tangent[np.abs(tangent[:, 0]) > _STILL, 0])
+    return int(np.count_nonzero(np.diff(forward)))
 
 
 def flowing(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
     """A motion from stop to stop as if it flowed. Its poses stay on the path, which is known to be free."""
-    cruise, pose, twist = _cruising(motion, limits)
+    cruise, pose, twist = cruising(motion, limits)
     ramp = ramp_time(limits)
     time = np.linspace(0.0, cruise[-1] + ramp, knots + 1)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
@@ -95,11 +103,21 @@ def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
 
 def ramp_time(limits: Limits) -> float:
     """Time (s) from rest to full speed."""
-    return float((limits.wheel_speed / limits.wheel_acceleration).max())
+    ramps = limits.wheel_speed / limits.wheel_acceleration + limits.wheel_acceleration / limits.wheel_jerk
+    return float(ramps.max())
 
 
-def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:
-    """Time (n,), poses and twists (n, 3) along the pieces of a motion, always as fast as rates allow."""
+class Cruise(NamedTuple):
+    """Time (n,), poses and twists (n, 3)."""
+
+    time: Array
+    pose: Array
+    twist: Array
+
+
+@lru_cache(maxsize=16)
+def cruising(motion: Phases, limits: Limits) -> Cruise:
+    """Along the pieces of a motion, always as fast as rates allow."""
     times, poses, twists = [], [], []
     begin = 0.0
     for phase in motion.phases:
@@ -111,7 +129,7 @@ def _cruising(motion: Phases, limits: Limits) -> tuple[Array, Array, Array]:
             poses.append(phase.piece.poses(_SHARES))
             twists.append(path.tangent * speed[:, None])
             begin = float(times[-1][-1])
-    return np.concatenate(times), np.concatenate(poses), np.concatenate(twists)
+    return Cruise(np.concatenate(times), np.concatenate(poses), np.concatenate(twists))
 
 
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:

@@ -1,5 +1,5 @@
 """The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. This
-file and retime.py import casadi.
+file, retime.py and stagewise.py import casadi.
 
 Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
 linear in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions
@@ -13,14 +13,16 @@ Sources: Bock and Plitt (1984), direct multiple shooting; Vanroye et al. (2023),
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
 from drives.se2 import Array
+from planner.stagewise import Program, Rows, Stage, program
 
 __all__ = ["Shape", "Solver", "solver"]
 
@@ -33,15 +35,22 @@ _EFFORT = (1e-3, 2e-2)
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
 settles what would be undetermined; where that is not enough the second is tried."""
 
+_FATROP = {
+    "tol": 1e-5, "max_iter": 60, "mu_init": 1e-3, "mu_superlinear_decrease_power": 1.3,
+    "bound_push": 0.1, "bound_frac": 0.1,
+}  # fmt: skip
+"""Begun so near the limits, it takes a third less iterations than from a barrier of 0.03; hardly any solve
+that takes more than 60 comes to an end."""
+
 
 @dataclass(frozen=True, slots=True)
 class Shape:
     """What a compiled solver is for: all else are its parameters.
 
     coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
-    to at every knot. jerk: whether wheel jerks are limited. given: what of the state it begins in is; a car
-    at rest may begin with any curvature, or with any rate of the curvature. forward: whether it must not
-    go backwards.
+    to at every knot, and halfway to the next. jerk: whether wheel jerks are limited. given: what of the state
+    it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature. forward:
+    whether it must not go backwards.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -84,8 +93,7 @@ class Shape:
         twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling speed.
         acceleration, jerk (rows + steered): rate limit over acceleration limit, and over jerk limit.
         steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the limits of
-        speed, omega, tangential and lateral acceleration. Then for every knot `planes` rows (nx, ny, x,
-        y, d): n·(point of the body at x, y) >= d.
+        speed, omega, tangential and lateral acceleration.
         """
         wheels = self.rows + self.steered
         return {
@@ -100,7 +108,6 @@ class Shape:
             "steering": 1,
             "curvature": 1,
             "body": 4,
-            "planes": 5 * self.planes * (self.knots + 1),
         }
 
 
@@ -109,9 +116,7 @@ class Solver:
     """A compiled solver for problems of one shape."""
 
     shape: Shape
-    _function: Any
-    _lower: Array
-    _upper: Array
+    _program: Program
 
     def solve(self, parameters: dict[str, Any], guess: Array, controls: Array) -> tuple[Array, Array] | None:
         """States (knots + 1, state) and controls (knots, size), or None.
@@ -119,117 +124,41 @@ class Solver:
         guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
         rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
         """
-        n, m = self.shape.knots, self.shape.state
-        guess, controls = guess / self.shape.units[0], controls / self.shape.units[1]
+        states, unit = self.shape.units
+        guess, controls = guess / states, controls / unit
         given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
-        first = np.concatenate([np.hstack([guess[:-1], controls]).ravel(), guess[-1]])
+        planes = np.reshape(parameters["planes"], (self.shape.knots, -1))
         # Among obstacles a second try costs too much for what it seldom brings.
         for share in _EFFORT if self.shape.planes == 0 else _EFFORT[:1]:
             effort = share / max(float((controls**2).sum()), 1e-9)
-            packed = np.concatenate([*given, [effort]])
-            found = self._function(x0=first, p=packed, lbg=self._lower, ubg=self._upper)
-            if self._function.stats()["success"]:
-                break
-        else:
-            return None
-        values = np.array(found["x"]).ravel()
-        if not np.isfinite(values).all():
-            return None
-        body = values[:-m].reshape(n, -1)
-        return np.vstack([body[:, :m], values[-m:]]) * self.shape.units[0], body[:, m:] * self.shape.units[1]
+            found = self._program.solve(guess, controls, planes, np.concatenate([*given, [effort]]))
+            if found is not None:
+                return found[0] * states, found[1] * unit
+        return None
 
 
 @lru_cache(maxsize=32)
 def solver(shape: Shape) -> Solver:
-    """The solver for a shape, built when first asked for (0.1 to 0.5 s)."""
-    n, size = shape.knots, shape.size
-    stage = _stage(shape)
-    # Small functions of plain expressions, mapped over the knots by one large one: quick to build and to run.
-    variables = ca.MX.sym("w", n * (shape.state + size) + shape.state)
-    pairs = ca.reshape(variables[: n * (shape.state + size)], shape.state + size, n)
-    x = ca.horzcat(pairs[: shape.state, :], variables[-shape.state :])
-    u = pairs[shape.state :, :]
-    shared = ca.MX.sym("shared", stage.parameters)
-    planes = ca.MX.sym("planes", 5 * shape.planes, n + 1)
-    effort = ca.MX.sym("effort")
-    stepped = ca.horzsplit(x[:, 1:] - stage.step.map(n)(x[:, :-1], u))
-    speeds = ca.horzsplit(stage.speeds.map(n)(x[:, 1:], ca.repmat(shared, 1, n)))
-    changes = ca.horzsplit(stage.changes.map(n)(x[:, :-1], u, ca.repmat(shared, 1, n)))
-    gaps = ca.horzsplit(stage.gaps.map(n - 1)(x[:, 1:-1], planes[:, 1:-1])) if shape.planes else []
-    rows: list[Any] = []
-    lower: list[float] = []
-    upper: list[float] = []
-
-    def hold(values: Any, low: float, high: float) -> None:
-        rows.append(values)
-        lower.extend([low] * values.shape[0])
-        upper.extend([high] * values.shape[0])
-
-    for i in range(n + 1):
-        if i < n:
-            hold(stepped[i], 0, 0)
-        if i == 0:
-            hold(stage.begin(x[:, 0], shared), 0, 0)
-            hold(x[-1, 0], 1e-3, 1e3)
-            if shape.coordinates == "car" and shape.given == "rest":
-                hold(stage.bend(x[:, 0], shared), -1, 1)
-        else:
-            hold(speeds[i - 1], -1, 1)
-        if i == n:
-            hold(stage.finish(x[:, n], shared), 0, 0)
-        else:
-            hold(changes[i], -1, 1)
-            if i > 0 and gaps:
-                hold(gaps[i - 1], 0, ca.inf)
-    program = {
-        "x": variables, "p": ca.vertcat(shared, ca.vec(planes), effort), "g": ca.vertcat(*rows),
-        "f": x[-1, n] + ca.sumsqr(u) * effort,
-    }  # fmt: skip
-    equal = [low == high for low, high in zip(lower, upper, strict=True)]
-    options: dict[str, Any] = {
-        "print_time": False, "structure_detection": "auto", "equality": equal,
-        "fatrop": {"print_level": 0, "tol": 1e-5, "mu_init": 3e-2, "max_iter": 100},
-    }  # fmt: skip
-    function = ca.nlpsol("fastest", "fatrop", program, options)
-    return Solver(shape, function, np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64))
-
-
-class _Stage(NamedTuple):
-    """The functions of one knot, or one interval: of state, control and shared parameters, or its
-    half-planes."""
-
-    parameters: int
-    step: Any
-    begin: Any
-    finish: Any
-    bend: Any
-    speeds: Any
-    changes: Any
-    gaps: Any
-
-
-def _stage(shape: Shape) -> _Stage:
-    sizes = {name: size for name, size in shape.parameters().items() if name != "planes"}
-    symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-    problem = _Problem(shape, symbols)
-    x, u, planes = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("n", 5 * shape.planes)
-    p = ca.vertcat(*symbols.values())
+    """The solver for a shape, built when first asked for (0.03 to 0.1 s)."""
+    symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
+    motion = _Motion(shape, symbols)
+    x, u, effort = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("effort")
+    here, halfway = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
     unit, control = shape.units
     at, by = x * unit, u * control
-
-    def function(name: str, given: list[Any], rows: list[Any]) -> Any:
-        return ca.Function(name, given, [ca.cse(ca.vertcat(*rows))])
-
-    return _Stage(
-        p.shape[0],
-        function("step", [x, u], [problem.step(at, by) / unit]),
-        function("begin", [x, p], problem.begin(at)),
-        function("finish", [x, p], problem.finish(at)),
-        function("bend", [x, p], problem.bends(at)),
-        function("speeds", [x, p], problem.speeds(at)),
-        function("changes", [x, u, p], problem.changes(at, by)),
-        function("gaps", [x, planes], problem.gaps(at, planes)),
-    )
+    after, between = motion.step(at, by)
+    bends = [Rows(motion.bends(at), -1, 1)] if shape.given == "rest" else []
+    stage = Stage(
+        x, u, ca.vertcat(here, halfway), ca.vertcat(*symbols.values(), effort),
+        after=after / unit,
+        cost=ca.sumsqr(u) * effort,
+        held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, halfway), 0, math.inf)],
+        first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
+        later=[Rows(motion.speeds(at), -1, 1), Rows(motion.gaps(at, here), 0, math.inf)],
+        last=[Rows(motion.speeds(at), -1, 1), Rows(motion.finish(at), 0, 0)],
+        last_cost=x[-1],
+    )  # fmt: skip
+    return Solver(shape, program(stage, shape.knots, _FATROP))
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {
@@ -241,10 +170,17 @@ _INSIDE: dict[str, tuple[float, ...]] = {
 """Where in an interval limits on changes are held: fixed wheels accelerate evenly there, steered ones do
 not."""
 
-_GAUSS = ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18))
+_GAUSS = {
+    1: ((0.5, 1.0),),
+    2: ((0.5 - 12**-0.5, 0.5), (0.5 + 12**-0.5, 0.5)),
+    3: ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18)),
+}
+"""Points and weights of Gauss's rule, exact for polynomials of degree 2n - 1."""
+_HALF = (5 / 36 + 15**0.5 / 24, 2 / 9, 5 / 36 - 15**0.5 / 24)
+"""Weights of the three points for the integral over the first half."""
 
 
-class _Problem:
+class _Motion:
     """The rows of one shape, as expressions."""
 
     def __init__(self, shape: Shape, symbols: dict[str, Any]) -> None:
@@ -269,25 +205,25 @@ class _Problem:
             case "car":
                 return q[0], 0, q[0] * q[1]
 
-    def step(self, x: Any, u: Any) -> Any:
-        """The state at the next knot."""
+    def step(self, x: Any, u: Any) -> tuple[Any, list[Any]]:
+        """The state at the next knot; the pose halfway there."""
         h = x[-1] / self.shape.knots
-        pose = x[:3]
+        degree = self.shape.order * (2 if self.shape.coordinates == "car" else 1)
 
-        def turned(t: Any) -> Any:
-            # Exact: omega is of the fourth degree at most.
-            return sum(w * t * self.twist(self._later(x, u, a * t)[0])[2] for a, w in _GAUSS)
+        def heading(t: Any) -> Any:
+            inside = _GAUSS[degree // 2 + 1]
+            return x[2] + sum(w * t * self.twist(self._later(x, u, a * t)[0])[2] for a, w in inside)
 
-        dx, dy = 0, 0
-        for a, w in _GAUSS:
+        ways = []
+        for a, _ in _GAUSS[3]:
             vx, vy, _ = self.twist(self._later(x, u, a * h)[0])
-            theta = pose[2] + turned(a * h)
-            c, s = ca.cos(theta), ca.sin(theta)
-            dx += w * h * (c * vx - s * vy)
-            dy += w * h * (s * vx + c * vy)
+            c, s = ca.cos(heading(a * h)), ca.sin(heading(a * h))
+            ways.append(h * ca.vertcat(c * vx - s * vy, s * vx + c * vy))
+        whole = sum(w * way for (_, w), way in zip(_GAUSS[3], ways, strict=True))
+        half = sum(w * way for w, way in zip(_HALF, ways, strict=True))
         q, r = self._later(x, u, h)
-        moved = ca.vertcat(pose[0] + dx, pose[1] + dy, pose[2] + turned(h))
-        return ca.vertcat(moved, q, *([r] if self.shape.jerk else []), x[-1])
+        after = ca.vertcat(x[:2] + whole, heading(h), q, *([r] if self.shape.jerk else []), x[-1])
+        return after, [x[0] + half[0], x[1] + half[1], heading(h / 2)]
 
     def begin(self, x: Any) -> list[Any]:
         """What is zero in the state to begin in."""
@@ -376,11 +312,11 @@ class _Problem:
                 values.append((px * ay - py * ax) / (px**2 + py**2 + _STILL) * self.p["steering"])
         return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change), ca.vertcat(q, r))]
 
-    def gaps(self, x: Any, planes: Any) -> list[Any]:
+    def gaps(self, pose: Any, planes: Any) -> list[Any]:
         """How far points of the body are on the right side of half-planes."""
-        c, s = ca.cos(x[2]), ca.sin(x[2])
+        c, s = ca.cos(pose[2]), ca.sin(pose[2])
         rows = []
         for j in range(self.shape.planes):
             nx, ny, bx, by, d = (planes[5 * j + i] for i in range(5))
-            rows.append(nx * (x[0] + c * bx - s * by) + ny * (x[1] + s * bx + c * by) - d)
+            rows.append(nx * (pose[0] + c * bx - s * by) + ny * (pose[1] + s * bx + c * by) - d)
         return rows

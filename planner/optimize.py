@@ -14,7 +14,7 @@ from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
 from planner.corridor import half_planes
 from planner.environment import CollisionWorld
-from planner.guess import Coordinates, Guess, flowing, flowing_time, ramp_time, sampled
+from planner.guess import Coordinates, Guess, cruising, flowing, flowing_time, ramp_time, sampled
 from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
@@ -22,7 +22,7 @@ from planner.retime import hastened
 from planner.schedule import WheelSchedule
 from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
 
-__all__ = ["Optimizer"]
+__all__ = ["Optimizer", "is_far"]
 
 _KNOTS = (16, 24, 32, 48, 64, 96)
 _INTERVAL, _SPACING = 0.3, 0.35
@@ -33,6 +33,8 @@ _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
+_FAR = 0.5
+"""Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 
@@ -55,17 +57,16 @@ class Optimizer:
         """Time (s) that the longest solve took so far."""
         return max(self._took, default=0.0)
 
-    def faster(self, motion: Phases, rounds: int, alone: bool) -> Phases | None:
+    def faster(self, motion: Phases, rounds: int) -> Phases | None:
         """The fastest free motion found near a free one, within all limits; None where that is no faster.
 
-        rounds: how often it may be improved among obstacles, as long as each is worth while. alone:
-        whether to try first without them, which is quick, and where they are far that is enough.
+        rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         limits = self.problem.robot.limits
-        if alone:
+        if is_far(motion, limits, self.world):
             knots = _knots(motion, limits, math.inf)
             guess = self._guess(motion, knots)
-            found = self._solve(guess, self._begin(guess), np.zeros((knots + 1, 0, 5)))
+            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
@@ -89,7 +90,7 @@ class Optimizer:
         begin = self._begin(guess)
         runs = None
         if knots <= _KNOTS[-1]:
-            found = self._in_corridor(guess, begin, 1)
+            found = self._in_corridor(guess, begin)
             runs = None if found is None else [found]
         if runs is None and knots > WINDOW:
             runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
@@ -97,8 +98,7 @@ class Optimizer:
         return None if made is None else hastened(made, self.problem.robot.limits)
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
-        # Along aisles what is nearest is now on one side, now on the other.
-        found = None if self.is_over(self.longest) else self._in_corridor(guess, begin, 2)
+        found = None if self.is_over(self.longest) else self._in_corridor(guess, begin)
         made = None if found is None else self._slowed([found])
         if found is None or made is None:
             return None
@@ -106,23 +106,18 @@ class Optimizer:
         slow = made.phases[-1].duration > _SLOWED * found.duration
         return None if slow and not self._is_jerk_limited else found
 
-    def _in_corridor(self, guess: Guess, begin: State, sides: int) -> Flowing | None:
-        """The fastest free motion on the same side of all obstacles as a guess, whose poses are free; see
-        half_planes for sides."""
-        met = None
+    def _in_corridor(self, guess: Guess, begin: State) -> Flowing | None:
+        """The fastest free motion on the same side of all obstacles as a guess, whose poses are free."""
+        poses, relaxed = _halved(guess.pose), True
         for spare in _SPARE:
-            near = half_planes(self.world.kernel, guess.pose, True, spare, sides)
-            if met is not None:
-                # Beside the obstacles near the motion, those that the last answer ran into.
-                near = np.concatenate([near, half_planes(self.world.kernel, met, False, spare, sides)], 1)
-            found = self._solve(guess, begin, near)
-            if found is None:
-                return None
-            if self._is_free(found):
+            planes = half_planes(self.world.kernel, poses[:-1], relaxed, spare)
+            found = self._solve(guess, begin, planes)
+            if found is None or self._is_free(found):
                 return found
             if self.is_over(self.longest):
                 break
-            met = found.poses(found.time)
+            # Now beside the obstacles that the answer ran into.
+            poses, relaxed = found.poses(_halved(found.time)), False
         return None
 
     def _is_free(self, motion: Flowing) -> bool:
@@ -176,7 +171,7 @@ class Optimizer:
 
     def _solve(self, guess: Guess, begin: State, planes: Array) -> Flowing | None:
         """The fastest motion near a guess, from a state to rest where the guess ends, on the right side of
-        planes (n + 1, p, 5). Between knots it may exceed limits a little."""
+        planes (2n, p, 5), of knots and halfway between them. Between knots it may exceed limits a little."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
         # Of wheels that always turn alike, one will do.
@@ -274,6 +269,11 @@ class Optimizer:
         return Phases(drive, tuple(phases))
 
 
+def is_far(motion: Phases, limits: Limits, world: CollisionWorld) -> bool:
+    """Whether obstacles are so far from a motion with stops that it may be optimized without them."""
+    return float(world.clearance(cruising(motion, limits).pose).min()) > _FAR
+
+
 def _slowed_by(motion: Flowing, slower: float) -> Flowing:
     scaled = motion.coefficients / slower ** np.arange(3.0)[:, None]
     scaled[..., : 1 if motion.curves else None] /= slower
@@ -281,12 +281,21 @@ def _slowed_by(motion: Flowing, slower: float) -> Flowing:
 
 
 def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
-    stops = any(isinstance(phase, Driven) for phase in motion.phases)
-    time = flowing_time(motion, limits) if stops else motion.duration
-    fine = motion.sample(np.linspace(0.0, motion.duration, max(200, math.ceil(motion.duration / 0.1))))
-    wanted = max(time / _INTERVAL, _way(fine.pose) / spacing)
+    if any(isinstance(phase, Driven) for phase in motion.phases):
+        time, poses = flowing_time(motion, limits), cruising(motion, limits).pose
+    else:
+        time = motion.duration
+        poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
+    wanted = max(time / _INTERVAL, _way(poses) / spacing)
     most = math.ceil(wanted) if math.isfinite(spacing) else _KNOTS[-1]
     return next((n for n in _KNOTS if wanted <= n), most)
+
+
+def _halved(values: Array) -> Array:
+    """Values (n, …) with the means of neighbours between them."""
+    fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
+    return fine
 
 
 def _way(pose: Array) -> float:

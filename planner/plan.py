@@ -29,7 +29,8 @@ _SAME = 1e-9
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """A certified answer. duration s; length m (travelled by the body origin); planning: JSON values that
-    say how it was made: planner, state_space, seed, timings {stage: s}, …"""
+    say how it was made: planner, state_space, seed, timings {stage: s}, cut_short (whether the time budget
+    ended before the work that its effort asks for), …"""
 
     duration: float
     length: float
@@ -69,7 +70,7 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
     if best is None:
         assert refused is not None
         raise refused
-    return replace(best, planning=best.planning | {"timings": watch.timings()})
+    return replace(best, planning=best.planning | _planning(problem, watch))
 
 
 def _certified(
@@ -155,4 +156,12 @@ def _standing(problem: Problem, world: CollisionWorld, watch: Stopwatch) -> Plan
 
 def _planning(problem: Problem, watch: Stopwatch, **about: Any) -> dict[str, Any]:
     options = problem.options
-    return {**about, "seed": options.seed, "effort": options.effort, "timings": watch.timings()}
+    # Effort best always goes on until the budget ends.
+    cut_short = watch.cut_short and options.effort != "best"
+    return {
+        **about,
+        "seed": options.seed,
+        "effort": options.effort,
+        "cut_short": cut_short,
+        "timings": watch.timings(),
+    }

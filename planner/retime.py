@@ -27,6 +27,7 @@ import numpy as np
 
 from drives.drive import Drive, Limits
 from drives.se2 import Array
+from planner.stagewise import Program, Rows, Stage, program
 from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["excess", "hastened", "retimed"]
@@ -237,44 +238,28 @@ def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
         *(each[:, at] for at in (0, -1, half) for each in (first, second, third)),
     ], 1)  # fmt: skip
     start = 1 / slack
-    guess = np.column_stack([np.full(n, start), np.zeros(n), np.zeros(n), way / unit / start]).ravel()
+    still = np.zeros(n)
     found = _solver(n, rows).solve(
-        np.append(guess, [start, 0.0]), np.concatenate([parameters.ravel(), tight, [float(top[-1])]])
-    )
+        np.column_stack([np.full(n + 1, start), np.zeros(n + 1)]),
+        np.column_stack([still, way / unit / start]), parameters, np.append(tight, top[-1]),
+    )  # fmt: skip
     if found is None:
         return None
-    state = found[:-2].reshape(n, 4)
-    rate, change, jerk, step = state.T
-    if not np.isfinite(found).all() or not (step > 0).all():
+    (rate, change), (jerk, step) = found[0][:-1].T, found[1].T
+    if not (step > 0).all():
         return None
     return Profile(
         np.concatenate([[0.0], np.cumsum(step)]) * unit, stations[:-1], rate, change / unit, jerk / unit**2
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Solver:
-    """A compiled solver for a number of intervals and of rows."""
-
-    _function: Any
-    _lower: Array
-    _upper: Array
-
-    def solve(self, guess: Array, parameters: Array) -> Array | None:
-        found = self._function(x0=guess, p=parameters, lbg=self._lower, ubg=self._upper)
-        if not self._function.stats()["success"]:
-            return None
-        values: Array = np.array(found["x"]).ravel()
-        return values
-
-
 @lru_cache(maxsize=32)
-def _solver(n: int, rows: int) -> _Solver:
+def _solver(n: int, rows: int) -> Program:
     """The solver for n intervals and so many rates whose accelerations and jerks are limited."""
     x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 2)
-    p, tight = ca.SX.sym("p", 3 + 9 * rows), ca.SX.sym("tight", rows)
+    p, shared = ca.SX.sym("p", 3 + 9 * rows), ca.SX.sym("shared", rows + 1)
     rate, change, jerk, step = x[0], x[1], u[0], u[1]
-    way, top, middle = p[0], p[1], p[2]
+    way, top, middle, tight, end = p[0], p[1], p[2], shared[:-1], shared[-1]
     (first, second, third, first_after, second_after, third_after, first_between, second_between,
      third_between) = ca.vertsplit(p[3:], rows)  # fmt: skip
     after = ca.vertcat(rate + step * (change + step * jerk / 2), change + step * jerk)
@@ -286,50 +271,22 @@ def _solver(n: int, rows: int) -> _Solver:
     # Half the time is not quite half the way.
     halfway = rate + step / 2 * (change + step / 4 * jerk)
     ahead = step / 2 * (rate + step / 4 * (change + step / 6 * jerk)) - way / 2
-    held = ca.vertcat(
+    limited = [
         halfway / middle,
         (second_between + ahead * third_between) * halfway**2
         + (first_between + ahead * second_between) * (change + step / 2 * jerk),
         second * rate**2 + first * change,
         jerks(x, first, second, third),
         jerks(after, first_after, second_after, third_after),
-    )
-    stage = ca.Function(
-        "stage", [x, u, p, tight], [ca.cse(ca.vertcat(after, moved - way, rate / top, step, held))]
-    )
-    variables = ca.MX.sym("w", 4 * n + 2)
-    pairs = ca.reshape(variables[: 4 * n], 4, n)
-    states, controls = ca.horzcat(pairs[:2, :], variables[-2:]), pairs[2:, :]
-    given = ca.MX.sym("p", n * (3 + 9 * rows) + rows + 1)
-    each = ca.reshape(given[: n * (3 + 9 * rows)], 3 + 9 * rows, n)
-    values = stage.map(n)(states[:, :-1], controls, each, ca.repmat(given[-1 - rows : -1], 1, n))
-    gap = ca.horzsplit(states[:, 1:] - values[:2, :])
-    path = ca.horzsplit(values[2:, :])
-    g: list[Any] = []
-    lower: list[float] = []
-    upper: list[float] = []
-
-    def hold(row: Any, low: list[float], high: list[float]) -> None:
-        g.append(row)
-        lower.extend(low)
-        upper.extend(high)
-
-    inequalities = 4 * rows + 1
-    for i in range(n):
-        hold(ca.vertcat(gap[i], path[i]), [0.0, 0.0, 0.0, _LEAST, _LEAST, *[-1.0] * inequalities],
-             [0.0, 0.0, 0.0, 1.0, math.inf, *[1.0] * inequalities])  # fmt: skip
-        if i == 0:
-            hold(states[1, 0], [0.0], [0.0])
-        if i in (0, n - 1):
-            hold(controls[0, i], [0.0], [0.0])
-    hold(states[:, n] / ca.vertcat(given[-1], 1), [_LEAST, 0.0], [1.0, 0.0])
-    program = {
-        "x": variables, "p": given, "g": ca.vertcat(*g),
-        "f": (ca.sum2(controls[1, :]) + _EFFORT * ca.sumsqr(controls[0, :])) / n,
-    }  # fmt: skip
-    options: dict[str, Any] = {
-        "print_time": False, "structure_detection": "auto",
-        "equality": [low == high for low, high in zip(lower, upper, strict=True)],
-        "fatrop": {"print_level": 0, "tol": 1e-6, "mu_init": 1e-4, "max_iter": 100},
-    }  # fmt: skip
-    return _Solver(ca.nlpsol("retime", "fatrop", program, options), np.array(lower), np.array(upper))
+    ]
+    stage = Stage(
+        x, u, p, shared, after,
+        cost=(step + _EFFORT * jerk**2) / n,
+        held=[Rows([moved - way], 0, 0), Rows([rate / top], _LEAST, 1), Rows([step], _LEAST, math.inf),
+              Rows(limited, -1, 1)],
+        first=[Rows([change, jerk], 0, 0)],
+        later=[],
+        last=[Rows([rate / end], _LEAST, 1), Rows([change], 0, 0)],
+        last_cost=ca.SX(0),
+    )  # fmt: skip
+    return program(stage, n, {"tol": 1e-6, "mu_init": 1e-4, "max_iter": 100})

@@ -29,12 +29,13 @@ _STAGES = len(_NODES) + 1
 @dataclass(frozen=True, slots=True, eq=False)
 class Rolled:
     """What the wheels make of a schedule. At the samples: pose (n, 3), world, twist (n, 3), slip (n,) m/s; at
-    the samples and the nodes between them: poses and times, path (4n - 3, 4)."""
+    the samples and the nodes between them: poses and times, path (4n - 3, 4). length: of the way, m."""
 
     pose: Array
     twist: Array
     slip: Array
     path: Array
+    length: float
 
 
 def roll(problem: Problem, schedule: WheelSchedule) -> Rolled:
@@ -44,7 +45,9 @@ def roll(problem: Problem, schedule: WheelSchedule) -> Rolled:
     steering, steering_rates = _cubic(time, schedule.steering_angle, schedule.steering_rate)
     twist, slip = problem.robot.drive.forward(rates, steering, steering_rates)
     path = _travel(*problem.start, time, twist)
-    return Rolled(path[::_STAGES, :3].copy(), twist[::_STAGES].copy(), slip[::_STAGES].copy(), path)
+    pose = path[::_STAGES, :3].copy()
+    length = float(moved(pose, 0.0)[-1])
+    return Rolled(pose, twist[::_STAGES].copy(), slip[::_STAGES].copy(), path, length)
 
 
 @kernel
@@ -109,11 +112,11 @@ def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> Arra
 @kernel
 def moved(path: Array, reach: float) -> Array:
     """How far (n,) m a point within `reach` of the origin has moved since the start of a polyline of poses
-    (n, 4), at most."""
+    (n, 3 or more), at most."""
     way = np.zeros(len(path))
     for i in range(1, len(path)):
         dx, dy, turn = path[i, 0] - path[i - 1, 0], path[i, 1] - path[i - 1, 1], path[i, 2] - path[i - 1, 2]
-        way[i] = way[i - 1] + math.hypot(dx, dy) + reach * abs(turn)
+        way[i] = way[i - 1] + math.sqrt(dx * dx + dy * dy) + reach * abs(turn)
     return way
 
 

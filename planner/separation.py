@@ -4,24 +4,25 @@ Grow every boundary by the disc's radius. Each grown segment is convex, so their
 exactly when some ring of segments, each less than the disc's width from the next, crosses the line from start
 to goal an odd number of times. That needs no grid: it is a union-find over pairs of segments that also keeps
 the parity of those crossings. Taking the pairs narrowest first gives the widest passage, still too narrow.
+
+Most often there is nothing to prove, and a search over a lattice finds so first. Where it does not, it has
+seen all that can be reached from the start or from the goal, and the ring is about that.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from drives.se2 import Array, Pose
 from planner.collision import (
     BODY,
-    COLUMNS,
     COS,
     DISCS,
-    END,
     FIELD,
     HEADING,
     INNER_RADIUS,
@@ -29,31 +30,45 @@ from planner.collision import (
     INNER_Y,
     MIN_CLEARANCE,
     RADIUS,
-    ROWS,
     SIN,
     SOLIDS,
-    STEP,
     World,
     X,
     Y,
-    footprint_heading,
+    body_point,
     solid,
-    to_local,
 )
+from planner.lattice import shortest
 from planner.problem import Goal
-from planner.tree import HEAD, SIZE, closest, kernel, nearest, winding
+from planner.tree import HEAD, SIZE, closest, edge_distance, kernel, nearest, plant, winding
 
 __all__ = ["Separation", "separate"]
 
 _MAX_PAIRS = 2_000_000
 _TOLERANCE = 1e-6  # m: what is this close to fitting is taken to fit
+_SHARES = (2.0, 0.5)
+"""Spacings of lattices, tried in turn, over the disc's radius."""
+_HASTE = 10.0
+"""How much heavier the way still to go weighs there than what is behind: any way will do."""
+_WORK_START, _WORK_STRAIGHT, _WORK_MAX = 1_000, 2.0, 64_000
+"""How many of its nodes are looked at from either end: at first, or for each between them as the crow flies
+if that is more, and at most."""
+_MARGIN = 4.0
+"""How far, in radii, a ring may be from what it goes round."""
+_SMALL = 1 << 16
+"""Numbers in a tree, all of which are examined at once."""
+
+
+Point: TypeAlias = tuple[float, float]
+Box: TypeAlias = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Separation:
     """No path: a disc of `radius` (m) inside the footprint would have to pass a gap of `width` around (x, y),
-    and needs `width_needed` with the clearance asked for. No other way is wider; width 0 is a closed wall.
-    Where the disc does not even fit at the start or the goal, (x, y) is its centre there. World frame, m."""
+    and needs `width_needed` with the clearance asked for. No other way is wider (in a large world: no other
+    way out of what surrounds the start or the goal); width 0 is a closed wall. Where the disc does not even
+    fit at the start or the goal, (x, y) is its centre there. World frame, m."""
 
     radius: float
     width_needed: float
@@ -76,20 +91,25 @@ def separate(world: World, start: Pose, goal: Goal) -> Separation | None:
         x, y, inner = 0.0, 0.0, nearest(world, body, discs, 0.0, 0.0, np.inf)
     radius = inner + world[RADIUS]
     reach = radius + world[MIN_CLEARANCE]
-    ends = []
-    for px, py, theta in (start, (goal.x, goal.y, goal.theta or 0.0)):
-        px, py, theta = to_local(world, float(px), float(py), float(theta))
-        theta = footprint_heading(world, theta)
-        c, s = math.cos(theta), math.sin(theta)
-        ends.append((px + c * x - s * y, py + s * x + c * y))
+    ends = [body_point(world, pose, x, y) for pose in (start, Pose(goal.x, goal.y, goal.theta or 0.0))]
     for px, py in ends:
-        d = nearest(world, solids, field, px, py, np.inf)
+        d = nearest(world, solids, field, px, py, reach)
         shut = solid(world, px, py, 0.0)
         if shut or d < reach - _TOLERANCE:
             return _proof(world, radius, px, py, 0.0 if shut else 2 * max(d, 0.0))
-    if _joined(world, reach, ends):
+    joined, box = _explored(world, reach, ends)
+    if joined:
         return None
     tree = world[solids:field]
+    found = None
+    if box is not None and len(tree) > _SMALL:
+        found = _narrow(plant(_within(tree, *box, _MARGIN * reach), ordered=True), reach, ends)
+    found = found or _narrow(tree, reach, ends)
+    return found and _proof(world, radius, *found)
+
+
+def _narrow(tree: Array, reach: float, ends: list[Point]) -> tuple[float, float, float] | None:
+    """The middle and the width (m) of the widest gap of a ring of segments that parts two points."""
     pairs, gaps = _near_pairs(tree, 2 * (reach - _TOLERANCE), _MAX_PAIRS)
     if len(gaps) == _MAX_PAIRS or _first_ring(tree, pairs, *ends[0], *ends[1]) < 0:
         return None
@@ -99,7 +119,7 @@ def separate(world: World, start: Pose, goal: Goal) -> Separation | None:
     square, px, py, qx, qy = closest(*a[:4], *b[:4])
     # halfway between the two surfaces
     along = 0.5 + 0.5 * (a[4] - b[4]) / math.sqrt(square) if square > 0 else 0.5
-    return _proof(world, radius, px + along * (qx - px), py + along * (qy - py), float(gaps[k]))
+    return px + along * (qx - px), py + along * (qy - py), float(gaps[k])
 
 
 def _proof(world: World, radius: float, x: float, y: float, width: float) -> Separation:
@@ -112,15 +132,64 @@ def _proof(world: World, radius: float, x: float, y: float, width: float) -> Sep
     )
 
 
-def _joined(world: World, reach: float, ends: list[tuple[float, float]]) -> bool:
-    """Whether cells of the field that are wholly `reach` from all closed join two points: no proof then."""
-    rows, columns, step = int(world[ROWS]), int(world[COLUMNS]), float(world[STEP])
-    field = world[int(world[FIELD]) : int(world[END])].reshape(rows, columns)
-    labels, _ = ndimage.label(field >= reach + step * math.sqrt(0.5))
-    first, second = (
-        int(labels[min(int(y / step), rows - 1), min(int(x / step), columns - 1)]) for x, y in ends
-    )
-    return first == second != 0
+def _explored(world: World, reach: float, ends: list[Point]) -> tuple[bool, Box | None]:
+    """Whether a disc of radius `reach` surely gets from one point to the other; if not, the box of all places
+    to which it gets from one of them, as far as is known."""
+    box = None
+    for share in _SHARES:
+        joined, box = _over_lattice(world, reach, share * reach, ends)
+        if joined:
+            break
+    return joined, box
+
+
+def _over_lattice(world: World, reach: float, spacing: float, ends: list[Point]) -> tuple[bool, Box | None]:
+    # Between neighbours with so much room, the disc passes.
+    least = math.hypot(reach, spacing / math.sqrt(2))
+    work = min(max(_WORK_START, int(_WORK_STRAIGHT * math.dist(*ends) / spacing)), _WORK_MAX)
+    while work <= _WORK_MAX:
+        for a, b in (ends, ends[::-1]):
+            way, whole, box = shortest(
+                world, a, b, least, least, spacing, False, np.empty((0, 2)), _HASTE, work
+            )
+            if len(way) > 0:
+                # The start and the goal themselves may have less room.
+                return _passes(world, way[:2], reach) and _passes(world, way[-2:], reach), None
+            if whole:
+                return False, box
+        work *= 4
+    return False, None
+
+
+@kernel
+def _passes(world: World, leg: Array, reach: float) -> bool:
+    """Whether all of a leg (2, 2) keeps `reach` from the boundaries."""
+    solids, field = int(world[SOLIDS]), int(world[FIELD])
+    return edge_distance(world, solids, field, leg[0, 0], leg[0, 1], leg[1, 0], leg[1, 1], reach) >= reach
+
+
+@kernel
+def _within(tree: Array, x_min: float, y_min: float, x_max: float, y_max: float, beyond: float) -> Array:
+    """The segments (n, 5) of a tree that come within `beyond` (m) of a box."""
+    found = np.empty((len(tree) // SIZE, SIZE))
+    n, i = 0, 0
+    while i < len(tree):
+        if (
+            tree[i] > x_max + beyond
+            or tree[i + 2] < x_min - beyond
+            or tree[i + 1] > y_max + beyond
+            or tree[i + 3] < y_min - beyond
+        ):
+            i += int(tree[i + 4])
+            continue
+        count = int(tree[i + 5])
+        i += HEAD
+        for _ in range(count):
+            for k in range(SIZE):
+                found[n, k] = tree[i + k]
+            n += 1
+            i += SIZE
+    return found[:n].copy()
 
 
 @kernel

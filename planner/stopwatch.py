@@ -14,10 +14,14 @@ class Stopwatch:
         self._begin = self._last = time.perf_counter()
         self._budget = budget
         self._laps: dict[str, float] = {}
+        self.cut_short = False
+        """Whether anyone was told that it is over."""
 
     def is_over(self, needed: float = 0.0) -> bool:
         """Whether less than `needed` (s) is left."""
-        return time.perf_counter() - self._begin + needed >= self._budget
+        over = time.perf_counter() - self._begin + needed >= self._budget
+        self.cut_short |= over
+        return over
 
     def lap(self, stage: str) -> None:
         now = time.perf_counter()

@@ -27,6 +27,7 @@ from planner.errors import LimitsInfeasible
 from planner.path import Curve
 from planner.retime import excess
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
+from planner.tree import kernel
 
 __all__ = ["cruising_speed", "time_path"]
 
@@ -113,7 +114,7 @@ def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: 
     else:
         profile = _slowed(_sharp(grid, a, b, x_max), piece, drive, limits, needed)
     if constant or not np.isfinite(limits.wheel_jerk).any():
-        return Driven(piece, profile, grid, needed, fastest=True)
+        return Driven(piece, profile, grid, needed, fastest=True, law=law)
     ramp = float((limits.wheel_acceleration / limits.wheel_jerk).max())
     tried = []
     for share in _SMOOTHING:
@@ -142,7 +143,8 @@ def _slowed(profile: Profile, piece: Curve, drive: Drive, limits: Limits, steeri
     time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
     s, rate, acceleration = profile.at(time)
     s = np.clip(s, 0.0, 1.0)
-    s, first = np.unique(s, return_index=True)
+    first = np.flatnonzero(np.diff(s, prepend=-1.0) > 0)
+    s = s[first]
     path = piece.body_path(s)
     a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
     x = rate[first] ** 2
@@ -153,25 +155,50 @@ def _slowed(profile: Profile, piece: Curve, drive: Drive, limits: Limits, steeri
 
 def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
     """a, b (n, r) and x_max (n,): |a·s̈ + b·ṡ²| <= 1 and ṡ² <= x_max say all the limits but jerk."""
-    vx, vy, omega = path.tangent.T
-    dvx, dvy, _ = path.tangent_derivative.T
-    speed = np.hypot(vx, vy)
-    tangential = np.divide(vx * dvx + vy * dvy, speed, out=np.zeros_like(speed), where=speed > 0)
-    a = np.column_stack([law.wheel / limits.wheel_acceleration, speed / limits.linear_acceleration])
-    b = np.column_stack(
-        [law.wheel_derivative / limits.wheel_acceleration, tangential / limits.linear_acceleration]
-    )
-    # Turn of the direction of travel in the world: of the body, and of the velocity in the body.
-    lateral = np.abs(
-        omega * speed + np.divide(vx * dvy - vy * dvx, speed, out=np.zeros_like(speed), where=speed > 0)
-    )
-    slowest = np.column_stack([
-        np.abs(law.wheel) / limits.wheel_speed, np.abs(law.steering_derivative) / limits.steering_rate,
-        speed / limits.linear_speed, np.abs(omega) / limits.angular_speed,
-        np.sqrt(lateral / limits.lateral_acceleration),
-    ]).max(1)  # fmt: skip
-    with np.errstate(divide="ignore"):
-        return a, b, np.where(slowest > 0, slowest**-2.0, np.inf)
+    body = (
+        limits.linear_speed, limits.angular_speed, limits.linear_acceleration, limits.lateral_acceleration,
+        limits.steering_rate,
+    )  # fmt: skip
+    # Copies, so that one kernel serves them all.
+    a, b, x_max = _all_rows(*(np.array(each, dtype=np.float64, order="C") for each in (
+        path.tangent, path.tangent_derivative, law.wheel, law.wheel_derivative, law.steering_derivative,
+        limits.wheel_speed, limits.wheel_acceleration, body,
+    )))  # fmt: skip
+    return a, b, x_max
+
+
+@kernel
+def _all_rows(
+    along: Array,
+    change: Array,
+    wheel: Array,
+    wheel_change: Array,
+    steering_change: Array,
+    wheel_speed: Array,
+    wheel_acceleration: Array,
+    body: Array,
+) -> tuple[Array, Array, Array]:
+    speed, turn, acceleration, side, steering_rate = body
+    n, m = wheel.shape
+    a, b, x_max = np.empty((n, m + 1)), np.empty((n, m + 1)), np.empty(n)
+    for i in range(n):
+        vx, vy, omega = along[i, 0], along[i, 1], along[i, 2]
+        v = math.sqrt(vx * vx + vy * vy)
+        tangential = bend = 0.0
+        if v > 0.0:
+            tangential = (vx * change[i, 0] + vy * change[i, 1]) / v
+            bend = (vx * change[i, 1] - vy * change[i, 0]) / v
+        # Turn of the direction of travel in the world: of the body, and of the velocity in the body.
+        slowest = max(v / speed, abs(omega) / turn, math.sqrt(abs(omega * v + bend) / side))
+        for j in range(m):
+            a[i, j] = wheel[i, j] / wheel_acceleration[j]
+            b[i, j] = wheel_change[i, j] / wheel_acceleration[j]
+            slowest = max(slowest, abs(wheel[i, j]) / wheel_speed[j])
+        a[i, m], b[i, m] = v / acceleration, tangential / acceleration
+        for j in range(steering_change.shape[1]):
+            slowest = max(slowest, abs(steering_change[i, j]) / steering_rate)
+        x_max[i] = 1.0 / (slowest * slowest) if slowest > 0.0 else np.inf
+    return a, b, x_max
 
 
 def _steady(a: float, x_max: float, jerk: float) -> Profile:

@@ -9,10 +9,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drives.drive import BodyPath, Drive
+from drives.drive import ActuatorPath, BodyPath, Drive
 from drives.se2 import Array, Pose
 from planner.path import Curve
 from planner.schedule import WheelSchedule
+from planner.tree import kernel
 
 __all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer", "Warped"]
 
@@ -122,14 +123,15 @@ class Profile:
 class Driven:
     """One piece of a path, driven by a profile from rest to rest. steering (k,): where the wheels stand as it
     begins; grid (n,): points of [0, 1] close enough together to resolve the actuators, its ends alone where
-    w is constant and steering linear in s; fastest: whether no
-    profile within the limits is known to be faster."""
+    w is constant and steering linear in s; fastest: whether no profile within the limits is known to be
+    faster; law: the drive's at the grid, where it is known."""
 
     piece: Curve
     profile: Profile
     grid: Array
     steering: Array
     fastest: bool = False
+    law: ActuatorPath | None = None
 
     @property
     def duration(self) -> float:
@@ -154,20 +156,29 @@ class Driven:
         wheels' angles since the piece began, at s and at its end."""
         if len(self.grid) == 2:
             ends = self.piece.body_path(self.grid)
-            law = drive.actuators(ends, self.steering)
+            law = self.law or drive.actuators(ends, self.steering)
             w, first, change = law.wheel[:1], law.steering[:1], np.diff(law.steering, axis=0)
             share = s[:, None]
             return w, np.zeros_like(w), first + share * change, change, ends.tangent[:1], share * w, w[0]
         fine, here = _union(self.grid, s)
         path = self.piece.body_path(fine)
         law = drive.actuators(path, self.steering)
-        h = np.diff(fine)[:, None]
-        w, dw = law.wheel, law.wheel_derivative
-        # Euler–Maclaurin: the trapezoid rule and its end correction, fourth order in h.
-        gained = h / 2 * (w[:-1] + w[1:]) + h**2 / 12 * (dw[:-1] - dw[1:])
-        turned = np.concatenate([np.zeros((1, w.shape[1])), np.cumsum(gained, 0)])
-        each = (w, dw, law.steering, law.steering_derivative, path.tangent, turned)
-        return *(column[here] for column in each), turned[-1]
+        turned = _integral(fine, np.array(law.wheel, order="C"), np.array(law.wheel_derivative, order="C"))
+        each = (law.wheel, law.wheel_derivative, law.steering, law.steering_derivative, path.tangent, turned)
+        return *(np.take(column, here, 0) for column in each), turned[-1]
+
+
+@kernel
+def _integral(s: Array, w: Array, dw: Array) -> Array:
+    """Integrals (n, m) of w (n, m) from the first of s (n,), by Euler–Maclaurin: the trapezoid rule and its
+    end correction, fourth order in the steps."""
+    turned = np.zeros(w.shape)
+    for i in range(len(s) - 1):
+        h = s[i + 1] - s[i]
+        for j in range(w.shape[1]):
+            gained = h / 2 * (w[i, j] + w[i + 1, j]) + h * h / 12 * (dw[i, j] - dw[i + 1, j])
+            turned[i + 1, j] = turned[i, j] + gained
+    return turned
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -223,7 +223,7 @@ def nearest(tree: Array, start: int, stop: int, x: float, y: float, best: float)
 def edge_distance(
     tree: Array, start: int, stop: int, ax: float, ay: float, bx: float, by: float, best: float
 ) -> float:
-    """Distance (m) from segment ab to the nearest segment, radii left out, or `best` >= 0 if smaller."""
+    """Distance (m) from segment ab to the nearest segment less its radius, or `best` >= 0 if smaller."""
     x_min, x_max, y_min, y_max = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
     i = start
     while i < stop:
@@ -236,7 +236,7 @@ def edge_distance(
         i += HEAD
         for _ in range(count):
             square = closest(tree[i], tree[i + 1], tree[i + 2], tree[i + 3], ax, ay, bx, by)[0]
-            best = min(best, math.sqrt(square))
+            best = min(best, math.sqrt(square) - tree[i + 4])
             i += SIZE
     return best
 

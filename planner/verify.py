@@ -18,6 +18,7 @@ import numpy as np
 from drives.drive import Holonomic
 from drives.se2 import Array, wrap
 from planner.errors import AuditFailed
+from planner.gauges import integrals, lengths, mean_rates, outer, worst
 from planner.problem import Problem
 from planner.rolling import Rolled, moved, points, roll
 from planner.schedule import WheelSchedule
@@ -32,7 +33,7 @@ _COPIED, _SAME = 5e-7, 1e-9
 _REST, _CLEARANCE = 5e-7, 1e-4
 # Motion of the footprint between two looks at its clearance, m: everywhere, where it comes close, and in all;
 # and to what share of the clearance that was not asked for it is found.
-_COARSE, _FINE, _LONGEST, _MARGIN = 0.08, 0.005, 8e3, 0.01
+_COARSE, _FINE, _LONGEST, _MARGIN = 0.64, 0.005, 8e3, 0.01
 # Largest number in a certificate: JSON has no infinity.
 _SATURATED = 1e6
 
@@ -130,10 +131,10 @@ def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Ce
         found["clearance"], violations = _clearance(problem, schedule, rolled, world)
         checks = (_closure, _wheels, _steering, _ends, _agreement, _body, _route)
         for reading in (r for check in checks for r in check(problem, schedule, rolled) if r.value.size):
-            worst, faults = _judge(reading, schedule.time)
+            most, faults = _judge(reading, schedule.time)
             violations += faults
             if reading.quantity in found:
-                found[reading.quantity] = max(found[reading.quantity], worst)
+                found[reading.quantity] = max(found[reading.quantity], most)
     if violations:
         raise AuditFailed(f"the plan fails its own check: {violations[0]}", found, violations)
     return Certificate(**found)
@@ -143,13 +144,10 @@ def _judge(reading: Reading, time: Array) -> tuple[float, list[str]]:
     """What to certify, and a sentence where the bound is passed."""
     what, unit, slack = _QUANTITIES[reading.quantity]
     bound = np.broadcast_to(reading.bound, reading.value.shape)
-    used, value = reading.value / bound, reading.value
-    if not math.isfinite(used.max()):
-        used, value = np.nan_to_num(used, nan=np.inf, posinf=np.inf), np.nan_to_num(value, nan=np.inf)
-    i, j = np.unravel_index(np.argmax(used), used.shape)
-    worst = used[i, j] if reading.quantity.endswith("_ratio") else value.max()
-    found, limit = min(float(worst), _SATURATED), bound[i, j]
-    if used[i, j] <= 1 + slack:
+    used, i, j, top = worst(np.ascontiguousarray(reading.value), bound)
+    found = min(used if reading.quantity.endswith("_ratio") else top, _SATURATED)
+    limit = bound[i, j]
+    if used <= 1 + slack:
         return found, []
     owner = f" of {reading.columns[j]}" if reading.columns else ""
     at = (time if reading.time is None else reading.time)[i]
@@ -183,8 +181,7 @@ def _unreadable(problem: Problem, schedule: WheelSchedule) -> list[str]:
 
 def _tolerance(rolled: Rolled) -> float:
     """How far an open-loop motion of this length may be off, m."""
-    step = np.diff(rolled.pose, axis=0)
-    return _POSITION + _POSITION_PER_METRE * float(np.hypot(step[:, 0], step[:, 1]).sum())
+    return _POSITION + _POSITION_PER_METRE * rolled.length
 
 
 def _closure(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
@@ -198,9 +195,9 @@ def _closure(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Itera
 
 
 def _intervals(problem: Problem, schedule: WheelSchedule) -> tuple[Array, Array]:
-    """Lengths (n - 1, 1) s of the intervals, and the times to take means over: at least a thousandth of the
+    """Lengths (n - 1,) s of the intervals, and the times to take means over: at least a thousandth of the
     period, because a last step may be so short that its mean is rounding."""
-    h = np.diff(schedule.time)[:, None]
+    h = np.diff(schedule.time)
     return h, np.maximum(h, 1e-3 * problem.options.sample_period)
 
 
@@ -208,35 +205,35 @@ def _wheels(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Re
     limits, names = problem.robot.limits, problem.robot.drive.wheel_names
     h, over = _intervals(problem, schedule)
     angle, speed, change = schedule.wheel_angle, schedule.wheel_velocity, schedule.wheel_acceleration
-    mean_speed, mean_change, mean_jerk = (np.diff(column, axis=0) / over for column in (angle, speed, change))
     for quantity, rate, limit in (
-        ("wheel_speed_ratio", speed, limits.wheel_speed),
-        ("wheel_speed_ratio", mean_speed, limits.wheel_speed),
-        ("wheel_acceleration_ratio", change, limits.wheel_acceleration),
-        ("wheel_acceleration_ratio", mean_change, limits.wheel_acceleration),
-        ("wheel_jerk_ratio", mean_jerk, limits.wheel_jerk),
+        ("wheel_speed_ratio", np.abs(speed), limits.wheel_speed),
+        ("wheel_speed_ratio", mean_rates(angle, over), limits.wheel_speed),
+        ("wheel_acceleration_ratio", np.abs(change), limits.wheel_acceleration),
+        ("wheel_acceleration_ratio", mean_rates(speed, over), limits.wheel_acceleration),
+        ("wheel_jerk_ratio", mean_rates(change, over), limits.wheel_jerk),
     ):
-        yield Reading(quantity, np.abs(rate), limit, names)
+        yield Reading(quantity, rate, limit, names)
     # The trapezoid rule is off by a·h²/4 at most: where the rate rises, then falls, as fast as it may.
     for quantity, whole, rate, limit in (
         ("wheel angle", angle, speed, 1.01 * limits.wheel_acceleration),
         ("wheel velocity", speed, change, 1.02 * limits.wheel_jerk),
     ):
-        gap = np.abs(np.diff(whole, axis=0) - h * (rate[:-1] + rate[1:]) / 2)
-        yield Reading(quantity, gap, limit * h**2 / 4 + _COPIED, names)
+        gap = np.abs(np.diff(whole, axis=0) - integrals(rate, h))
+        yield Reading(quantity, gap, outer(h**2 / 4, limit, _COPIED), names)
 
 
 def _steering(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
     limits, names = problem.robot.limits, problem.robot.drive.steered_names
     h, over = _intervals(problem, schedule)
     angle, rate, limit = schedule.steering_angle, schedule.steering_rate, limits.steering_rate
-    gained, trapezoid = np.diff(angle, axis=0), h * (rate[:-1] + rate[1:]) / 2
+    trapezoid = integrals(rate, h)
     yield Reading("steering_angle_ratio", np.abs(angle), limits.steering_angle, names)
     yield Reading("steering_rate_ratio", np.abs(rate), limit, names)
-    yield Reading("steering_rate_ratio", np.abs(gained / over), limit, names)
+    yield Reading("steering_rate_ratio", mean_rates(angle, over), limit, names)
     # A steering rate may jump, so between samples nothing is sure but that it stays within its limit.
-    room = np.maximum(1.01 * limit * h - np.abs(trapezoid), 0.0) + _COPIED
-    yield Reading("steering angle", np.abs(gained - trapezoid), room, names)
+    most = outer(h, np.full(len(names), 1.01 * limit), 0.0)
+    room = np.maximum(most - np.abs(trapezoid), 0.0) + _COPIED
+    yield Reading("steering angle", np.abs(np.diff(angle, axis=0) - trapezoid), room, names)
 
 
 def _ends(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
@@ -253,30 +250,28 @@ def _ends(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Read
 
 
 def _agreement(_: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
-    linear = max(float(np.hypot(rolled.twist[:, 0], rolled.twist[:, 1]).max()), 0.05)
+    linear = max(float(lengths(rolled.twist).max()), 0.05)
     fastest = max(linear, float(np.abs(rolled.twist[:, 2]).max()))
     yield Reading("slip", rolled.slip[:, None], 5e-4 * linear + 5e-5)
     gap = np.abs(rolled.twist - schedule.twist)
     yield Reading("twist", gap, 2.5e-3 * fastest + 5e-4, ("vx", "vy", "omega"))
-    apart = rolled.pose - schedule.pose
-    yield Reading("drift_position", np.hypot(apart[:, :1], apart[:, 1:2]), _tolerance(rolled))
-    yield Reading("drift_heading", np.abs(apart[:, 2:]), _HEADING)
+    apart = np.abs(rolled.pose - schedule.pose)
+    yield Reading("drift_position", lengths(apart), _tolerance(rolled))
+    yield Reading("drift_heading", apart[:, 2:], _HEADING)
 
 
 def _body(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     """The limits of the body, on the motion that the wheels make and on the stated one."""
-    limits, over = problem.robot.limits, _intervals(problem, schedule)[1][:, 0]
+    limits, over = problem.robot.limits, _intervals(problem, schedule)[1]
     holonomic = isinstance(problem.robot.drive.mobility(limits), Holonomic)
     for twist, pose in ((rolled.twist, rolled.pose), (schedule.twist, schedule.pose)):
-        speed, omega = np.hypot(twist[:, 0], twist[:, 1]), twist[:, 2]
-        lateral = _lateral(twist, pose[:, 2], over) if holonomic else speed * omega
-        for quantity, values, limit in (
-            ("linear_speed_ratio", speed, limits.linear_speed),
-            ("angular_speed_ratio", omega, limits.angular_speed),
-            ("linear_acceleration_ratio", np.diff(speed) / over, limits.linear_acceleration),
-            ("lateral_acceleration_ratio", lateral, limits.lateral_acceleration),
-        ):
-            yield Reading(quantity, np.abs(values)[:, None], limit)
+        speed, omega = lengths(twist), twist[:, 2:]
+        yield Reading("linear_speed_ratio", speed, limits.linear_speed)
+        yield Reading("angular_speed_ratio", np.abs(omega), limits.angular_speed)
+        yield Reading("linear_acceleration_ratio", mean_rates(speed, over), limits.linear_acceleration)
+        if limits.lateral_acceleration < math.inf:
+            lateral = _lateral(twist, pose[:, 2], over)[:, None] if holonomic else speed * omega
+            yield Reading("lateral_acceleration_ratio", np.abs(lateral), limits.lateral_acceleration)
 
 
 def _lateral(twist: Array, heading: Array, h: Array) -> Array:
@@ -310,24 +305,29 @@ def _clearance(
     paths = [rolled.path, np.column_stack([schedule.pose, schedule.time])]
     if fixed is not None:
         paths = [np.insert(np.delete(path, 2, axis=1), 2, fixed, axis=1) for path in paths]
-    found = [_nearest(world, path, reach, asked) for path in paths]
-    nearest, (x, y, theta, when) = min(found, key=lambda f: f[0])
+    nearest, (x, y, theta, when) = _nearest(world, paths[0], reach, asked, math.inf)
+    also, where = _nearest(world, paths[1], reach, asked, nearest)
+    if also < nearest:
+        nearest, (x, y, theta, when) = also, where
     if nearest >= asked - _CLEARANCE:
         return nearest, []
-    where = f"at t = {when:.4f} s, pose ({x:.4f}, {y:.4f}, {theta:.4f})"
-    return nearest, [f"the clearance is {nearest:.6g} m {where}, allowed at least {asked:.6g} m"]
+    place = f"at t = {when:.4f} s, pose ({x:.4f}, {y:.4f}, {theta:.4f})"
+    return nearest, [f"the clearance is {nearest:.6g} m {place}, allowed at least {asked:.6g} m"]
 
 
-def _nearest(world: Surroundings, path: Array, reach: float, asked: float) -> tuple[float, Array]:
+def _nearest(
+    world: Surroundings, path: Array, reach: float, asked: float, known: float
+) -> tuple[float, Array]:
     """The smallest clearance (m, within ±1e6) along a polyline (n, 4) of poses and times, and the point (4,)
-    where it is. reach m: of the footprint. What cannot be checked has a clearance of -1e6."""
+    where it is. reach m: of the footprint; known m: a clearance elsewhere, what is larger than which does not
+    matter. What cannot be checked has a clearance of -1e6."""
     way = moved(path, reach)
     if not way[-1] <= _LONGEST:
         return -_SATURATED, path[-1]
 
     def look(at: Array) -> Array:
         near = world.clearance(points(path, way, at)[:, :3])
-        return np.clip(np.nan_to_num(near, nan=-_SATURATED), -_SATURATED, _SATURATED)
+        return np.minimum(np.fmax(near, -_SATURATED), _SATURATED)  # no number: the lowest
 
     at = np.linspace(0.0, way[-1], 1 + math.ceil(way[-1] / _COARSE))
     near = look(at)
@@ -335,7 +335,8 @@ def _nearest(world: Surroundings, path: Array, reach: float, asked: float) -> tu
     # Clearance changes by no more than the footprint moves, so most stretches cannot hold the smallest.
     stretches = np.stack([at[:-1], at[1:], near[:-1], near[1:]])
     while True:
-        enough = nearest - _MARGIN * max(nearest - asked, 0.0)
+        least = min(nearest, known)
+        enough = least - _MARGIN * max(least - asked, 0.0)
         begin, end, first, last = stretches
         stretches = stretches[:, (first + last - (end - begin)) / 2 < enough]
         wide = stretches[1] - stretches[0] > _FINE

@@ -4,14 +4,13 @@ import asyncio
 import copy
 import errno
 import json
-import os
 import threading
 import time
 
 import pytest
 
 import planner.plan
-from api.batch_store import BatchStore, Record, Results
+from api.batch_store import BatchStore
 from api.batches import Batches
 from api.errors import Refusal
 from planner.errors import NoPathExists
@@ -298,20 +297,6 @@ def test_a_shutdown_cancels_what_is_not_done(inline_app, gate, body):
         assert list(lines(client, path)) == [0]
 
 
-def test_a_batch_whose_server_was_killed_is_cancelled_and_half_a_line_is_dropped(client, settings):
-    record = Record("a" * 32, 5, time.time())
-    store = BatchStore(settings.data_dir / "batches", 60, 10**6)
-    results = store.create(record)
-    store.append(record, results, b'{"index":0,"name":null,"problem":{}}\n')
-    record.failed = 1
-    store.save(record)
-    assert client.get(f"/v1/batches/{record.id}").status_code == 404  # its server lives, and it is another
-    os.write(results._file, b'{"index":1,"na')
-    results.close()
-    assert counts(client, f"/v1/batches/{record.id}") == (5, 0, 1, 0, 0, 4)
-    assert list(lines(client, f"/v1/batches/{record.id}")) == [0]
-
-
 def test_results_expire(inline_app, settings, body):
     with inline_app(batch_keep=0.5) as client:
         path = begin(client, body)
@@ -354,23 +339,6 @@ def test_a_full_disk_is_told_before_a_batch_is_taken(client, body, monkeypatch):
     assert (answer.status_code, answer.json()["code"]) == (507, "insufficient-storage")
 
 
-def test_a_line_that_does_not_fit_leaves_no_half(tmp_path, monkeypatch):
-    results, real = Results(tmp_path / "lines"), os.write
-    results.append(b"whole\n", 0)
-
-    def small(file, data):
-        if len(data) < 10:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return real(file, data[:10])
-
-    monkeypatch.setattr(os, "write", small)
-    with pytest.raises(OSError, match="No space"):
-        results.append(b"x" * 25, 6)
-    monkeypatch.undo()
-    results.close()
-    assert (tmp_path / "lines").read_bytes() == b"whole\n"
-
-
 def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
     """The application's test client does not stream: this asks the batches themselves."""
 
@@ -384,7 +352,7 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
         return b'{"number":%d}' % number
 
     async def main():
-        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), lambda request: request, plan, 1)
+        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, plan, 1)
         batches.start()
         id = (await batches.add([0, 1, 2]))["id"]
         early, seen = await batches.lines(id), []
@@ -399,3 +367,19 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
         await batches.close()
 
     asyncio.run(asyncio.wait_for(main(), 20))
+
+
+def test_closing_ends_even_in_the_moment_in_which_a_worker_is_free_again(tmp_path):
+    class Busy:
+        ready, spare, draining = True, 0, False
+
+    async def main():
+        batches = Batches(Busy(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, None, 1)
+        batches.start()
+        id = (await batches.add([0]))["id"]
+        await asyncio.sleep(0.1)
+        batches._stir.set()
+        await batches.close()
+        assert (await batches.document(id))["cancelled"] == 1
+
+    asyncio.run(asyncio.wait_for(main(), 10))

@@ -22,11 +22,11 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def test_the_codes_are_those_of_the_contract_and_a_few_of_ours():
+def test_the_codes_are_those_of_the_contract_and_those_of_http_and_of_the_stores():
     own = {
         "malformed-http": 400, "unauthorized": 401, "not-found": 404, "method-not-allowed": 405,
-        "request-timeout": 408, "internal-error": 500, "unknown-batch": 404, "insufficient-storage": 507,
-        "map-corrupt": 500, "quota-exceeded": 507,
+        "request-timeout": 408, "internal-error": 500, "unknown-batch": 404, "map-corrupt": 500,
+        "insufficient-storage": 507, "quota-exceeded": 507,
     }  # fmt: skip
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
 
@@ -34,7 +34,8 @@ def test_the_codes_are_those_of_the_contract_and_a_few_of_ours():
 @pytest.mark.parametrize(
     ("method", "path", "status", "code"),
     [
-        ("GET", "/", 404, "not-found"),
+        ("GET", "/nowhere", 404, "not-found"),
+        ("POST", "/", 405, "method-not-allowed"),
         ("GET", "/v2/plans", 404, "not-found"),
         ("GET", "/v1/maps/a/b", 404, "not-found"),
         ("GET", "/v1/plans", 405, "method-not-allowed"),

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from api.scheduler import scheduler_of
+from api.app import scheduler_of
 from api.workers import Pool
 
 

@@ -133,3 +133,26 @@ def test_separation_is_the_connectivity_of_free_space_and_its_width_the_bottlene
             if proof.width > 0.004:
                 assert joined(environment, proof.width / 2 - 0.002, a, b)
     assert 10 < proofs < 50
+
+
+@pytest.mark.parametrize("door", [0, 4, 6])
+@pytest.mark.parametrize("out", [True, False])
+def test_in_a_large_cluttered_map_the_ring_about_a_small_room_is_the_proof(
+    tmp_path: Path, door: int, out: bool
+) -> None:
+    cells = (np.random.default_rng(1).random((800, 800)) < 0.02).astype(np.int8)  # 1 in 50: 12,000 of them
+    cells[300:360, 300:360] = 0
+    cells[310:350, 310:350] = 1
+    cells[311:349, 311:349] = 0
+    cells[310, 330 : 330 + door] = 0
+    np.save(tmp_path / "cells.npy", cells)
+    environment = Environment(map=MapLayer("clutter", tmp_path, 0.1, Pose(0.0, 0.0, 0.0)))
+    world = CollisionWorld.build(environment, Footprint(np.zeros((1, 2)), 0.25))
+    inside, outside = Pose(33.0, 33.0, 0.0), Pose(30.5, 30.5, 0.0)
+    start, goal = (inside, outside) if out else (outside, inside)
+    proof = world.separation(start, Goal(*goal))
+    if door * 0.1 > 0.5:
+        assert proof is None
+    else:
+        assert proof is not None
+        assert proof.width == pytest.approx(door * 0.1)

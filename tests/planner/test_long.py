@@ -38,7 +38,7 @@ def long_motion(kind: str, length: float, jerk: float = np.inf) -> tuple[Problem
 @pytest.mark.parametrize("kind", DRIVES)
 def test_a_long_motion_among_obstacles_flows_within_all_limits_and_keeps_clear(kind: str) -> None:
     problem, world, timed = long_motion(kind, 60.0)
-    faster = Optimizer(problem, world, lambda _: False).faster(timed, 1, alone=False)
+    faster = Optimizer(problem, world, lambda _: False).faster(timed, 1)
     assert faster is not None
     assert faster.duration < 0.7 * timed.duration
     assert verify(problem, schedule(faster, 0.02), world).clearance > 0
@@ -47,7 +47,7 @@ def test_a_long_motion_among_obstacles_flows_within_all_limits_and_keeps_clear(k
 @pytest.mark.parametrize("kind", ["differential", "ackermann"])
 def test_a_long_motion_keeps_the_jerk_limit(kind: str) -> None:
     problem, world, timed = long_motion(kind, 40.0, jerk=10.0)
-    faster = Optimizer(problem, world, lambda _: False).faster(timed, 1, alone=False)
+    faster = Optimizer(problem, world, lambda _: False).faster(timed, 1)
     assert faster is not None
     assert verify(problem, schedule(faster, 0.02), world).wheel_jerk_ratio <= 1.02
 
@@ -55,7 +55,7 @@ def test_a_long_motion_keeps_the_jerk_limit(kind: str) -> None:
 @pytest.mark.parametrize("kind", DRIVES)
 def test_windows_join_without_a_jump_in_pose_twist_or_curvature(kind: str) -> None:
     problem, world, timed = long_motion(kind, 40.0)
-    faster = Optimizer(problem, world, lambda _: False).faster(timed, 1, alone=False)
+    faster = Optimizer(problem, world, lambda _: False).faster(timed, 1)
     assert faster is not None
     (flowing,) = faster.phases
     assert isinstance(flowing, Flowing)
@@ -72,7 +72,7 @@ def test_windows_join_without_a_jump_in_pose_twist_or_curvature(kind: str) -> No
 def test_optimizing_again_does_not_make_a_long_motion_slower() -> None:
     problem, world, timed = long_motion("differential", 40.0)
     optimizer = Optimizer(problem, world, lambda _: False)
-    once, again = (optimizer.faster(timed, rounds, alone=False) for rounds in (1, 3))
+    once, again = (optimizer.faster(timed, rounds) for rounds in (1, 3))
     assert once is not None
     assert again is not None
     assert again.duration <= once.duration
@@ -80,7 +80,7 @@ def test_optimizing_again_does_not_make_a_long_motion_slower() -> None:
 
 def test_a_long_motion_is_given_up_when_time_is_over() -> None:
     problem, world, timed = long_motion("mecanum", 40.0)
-    assert Optimizer(problem, world, lambda _: True).faster(timed, 1, alone=False) is None
+    assert Optimizer(problem, world, lambda _: True).faster(timed, 1) is None
 
 
 def straight(knots: int) -> Guess:

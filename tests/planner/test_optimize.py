@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.duration.queries import query
+from benchmarks.duration.reference import load
 from drives import Ackermann, Differential, Mecanum, Swerve, Synchro, Tricycle
 from drives.drive import Drive, Limits
 from drives.se2 import Pose
@@ -38,7 +40,7 @@ def robot(drive: Drive, jerk: float = np.inf, footprint: Footprint = SQUARE) -> 
 
 
 def answer(problem: Problem, effort: str) -> Plan:
-    return plan(replace(problem, options=replace(problem.options, effort=effort, time_budget=20.0)))
+    return plan(replace(problem, options=replace(problem.options, effort=effort, time_budget=60.0)))
 
 
 @pytest.mark.parametrize("drive", STOPPING, ids=lambda d: d.kind)
@@ -47,6 +49,35 @@ def test_a_good_plan_on_open_floor_does_not_stop_and_is_faster_than_the_first(dr
     first, good = answer(problem, "first"), answer(problem, "good")
     assert good.planning["stops"] == 0
     assert good.duration < 0.99 * first.duration
+
+
+@pytest.mark.parametrize(
+    ("kind", "draw", "stops", "ratio"),
+    [("tricycle", 21, 1, 1.15), ("tricycle", 22, 0, 1.15), ("ackermann", 7, 1, 1.15), ("omni", 17, 0, 1.05)],
+)
+def test_a_good_plan_in_clutter_stops_only_at_cusps(kind: str, draw: int, stops: int, ratio: float) -> None:
+    """Where the first answer of the optimizer hits something, or direct ways turn back."""
+    (known,) = [known for known in load()[kind]["clutter"] if known.draw == draw]
+    made = answer(query(kind, "clutter", draw), "good")
+    assert made.planning["stops"] <= stops
+    assert made.duration <= ratio * known.duration
+
+
+@pytest.mark.parametrize(("kind", "draw"), [("swerve", 2), ("swerve", 3), ("swedish", 3), ("tricycle", 3)])
+def test_a_jerk_limit_brings_no_stops_in_clutter(kind: str, draw: int) -> None:
+    problem = query(kind, "clutter", draw)
+    limits = problem.robot.limits
+    limited = replace(problem.robot, limits=replace(limits, wheel_jerk=10 * limits.wheel_acceleration))
+    made = answer(replace(problem, robot=limited), "good")
+    assert made.planning["stops"] == 0
+    assert made.duration <= 1.06 * answer(problem, "good").duration
+
+
+@pytest.mark.parametrize(("budget", "cut"), [(0.001, True), (60.0, False)])
+def test_a_good_plan_says_whether_the_time_budget_cut_it_short(budget: float, cut: bool) -> None:
+    options = Options(effort="good", time_budget=budget)
+    problem = Problem(robot(Differential(0.1, 0.5)), Pose(0, 0, 0), Goal(4.0, 1.0, 0.5), OPEN, options)
+    assert plan(problem).planning["cut_short"] is cut
 
 
 def test_the_best_plan_is_never_slower_than_the_good_one() -> None:
@@ -129,7 +160,7 @@ def test_half_planes_of_a_disc_before_a_wall_say_how_near_it_may_come() -> None:
     wall = Polygon(np.array([[1.0, -5.0], [2.0, -5.0], [2.0, 5.0], [1.0, 5.0]]))
     disc = Footprint(np.zeros((1, 2)), 0.2)
     world = CollisionWorld.build(replace(OPEN, obstacles=(wall,)), disc, 0.1)
-    (plane,) = half_planes(world.kernel, np.array([[0.4, 0.3, math.pi / 3]]), False, 0.005)[0]
+    plane, _ = half_planes(world.kernel, np.array([[0.4, 0.3, math.pi / 3]]), False, 0.005)[0]
     assert plane[:2] == pytest.approx([-1.0, 0.0], abs=1e-12)
     # n·point >= d: x <= 1 - radius - clearance, less a little to spare.
     assert -0.71 < plane[4] < -0.69

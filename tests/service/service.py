@@ -105,8 +105,13 @@ class Server:
 
     def workers(self):
         """The processes that plan, which are children of the fork server."""
-        family = descendants(self.process.pid)
-        return [pid for pid in family if stat(pid)[1] != self.process.pid and alive(pid)]
+        found = []
+        for pid in descendants(self.process.pid):
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                state, parent, _ = stat(pid)
+                if state != "Z" and parent != self.process.pid:
+                    found.append(pid)
+        return found
 
     def fork_server(self):
         return stat(self.workers()[0])[1]
@@ -186,6 +191,6 @@ def alive(pid):
 
 def busiest(server):
     """The process of the service that works hardest right now: a worker that plans."""
-    before = {pid: stat(pid)[2] for pid in descendants(server.process.pid)}
+    before = {pid: stat(pid)[2] for pid in server.workers()}
     time.sleep(0.3)
     return max(before, key=lambda pid: stat(pid)[2] - before[pid] if alive(pid) else -1)

@@ -83,6 +83,16 @@ async def pair(cluster):
     return pairs
 
 
+async def begun(cluster, then):
+    """Two jobs that are being done, and the processes that do them; what they do is an expression."""
+    pids = []
+    job = f"(__import__('api.workers').workers.report(__import__('os').getpid()), {then})"
+    jobs = [asyncio.create_task(cluster.run(eval, job, deadline=60, progress=pids.append)) for _ in range(2)]
+    while len(pids) < 2:
+        await asyncio.sleep(0.01)
+    return jobs, pids
+
+
 async def ended(pids, count):
     """Waits until as many of the processes are gone."""
     while sum(map(alive, pids)) > len(pids) - count:
@@ -128,9 +138,7 @@ def test_a_full_queue_refuses_and_so_does_one_that_does_not_move(dask):
 
 def test_a_process_killed_mid_plan_costs_its_own_job_alone(dask):
     async def promise(cluster):
-        pids = [pid for pid, _ in await pair(cluster)]
-        jobs = [asyncio.create_task(cluster.run(*napping(2.0), deadline=20)) for _ in range(2)]
-        await asyncio.sleep(0.5)
+        jobs, pids = await begun(cluster, "__import__('time').sleep(2)")
         os.kill(pids[0], signal.SIGKILL)
         ends = await asyncio.gather(*jobs, return_exceptions=True)
         assert sorted(getattr(end, "code", "done") for end in ends) == ["done", "worker-crashed"]
@@ -153,9 +161,7 @@ def test_a_job_that_overruns_its_deadline_is_killed(dask):
 
 def test_a_caller_who_leaves_takes_its_plan_along(dask):
     async def promise(cluster):
-        pids = [pid for pid, _ in await pair(cluster)]
-        jobs = [asyncio.create_task(cluster.run(*HANG, deadline=60)) for _ in range(2)]
-        await asyncio.sleep(0.5)
+        jobs, pids = await begun(cluster, "sum(range(10**12))")
         for job in jobs:
             job.cancel()
         began = time.monotonic()

@@ -101,12 +101,17 @@ def test_workers_have_the_memory_limit_that_is_set(server):
 
 
 def test_a_worker_at_its_memory_limit_fails_its_own_request_alone(server):
-    before = server.lost("memory") + server.lost("crashed")
-    joins = [in_background(server.plan, slow(3.0)) for _ in range(2)]
-    time.sleep(0.5)
-    victim = busiest(server)
-    resource.prlimit(victim, resource.RLIMIT_DATA, (1 << 20, 1 << 20))  # it has more already
-    assert sorted(join() for join in joins) == [(200, None), (500, "worker-crashed")]
+    before = server.lost("memory") + server.lost("crashed")  # a library may abort where it gets no memory
+    for attempt in range(4):  # a plan may need no more than it has
+        joins = [in_background(server.plan, slow(2.0)) for _ in range(2)]
+        time.sleep(0.3)
+        if attempt == 0:
+            resource.prlimit(busiest(server), resource.RLIMIT_DATA, (1 << 20, 1 << 20))
+        first, second = sorted(join() for join in joins)
+        assert first == (200, None)
+        if second != (200, None):
+            break
+    assert second == (500, "worker-crashed")
     assert server.lost("memory") + server.lost("crashed") == before + 1
     assert server.plan(QUICK) == (200, None)
 

@@ -12,9 +12,7 @@ import pytest
 
 from api.errors import Refusal
 from api.workers import Pool, report
-
-HANG = (sum, range(10**12))
-"""Never ends, and never lets go of the interpreter's lock."""
+from tests.service.pools import HANG, gone, refusal, run, until
 
 
 def reporting(n):
@@ -28,39 +26,8 @@ def reporting_then(function):
     function()
 
 
-def run(promise, size=1, queue_length=10, **more):
-    """Runs an async test against a pool that is up."""
-
-    async def main():
-        pool = Pool(size, queue_length, **more)
-        pool.start()
-        try:
-            await until(lambda: pool.live == size)
-            async with asyncio.timeout(30):
-                await promise(pool)
-        finally:
-            await pool.close()
-
-    asyncio.run(main())
-
-
-async def until(condition, within=20.0):
-    async with asyncio.timeout(within):
-        while not condition():
-            await asyncio.sleep(0.005)
-
-
-async def refusal(awaitable):
-    with pytest.raises(Refusal) as caught:
-        await awaitable
-    return caught.value.code
-
-
-def gone(pid):
-    try:
-        return open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()[0] == "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True
+def allocation_failing_as_in_casadi():
+    raise RuntimeError("Error in Function::call for 'fastest':\nstd::bad_alloc\n")
 
 
 def test_a_job_returns_what_its_function_returns():
@@ -129,7 +96,8 @@ def test_a_job_that_needs_more_memory_than_the_limit_is_told_so_and_the_next_one
             await pool.run(list.__mul__, [0], 1 << 28, deadline=20)
         assert caught.value.code == "worker-crashed"
         assert await pool.run(operator.add, 1, 2, deadline=5) == 3
-        assert pool.losses == {"memory": 1}
+        assert await refusal(pool.run(allocation_failing_as_in_casadi, deadline=20)) == "worker-crashed"
+        await until(lambda: pool.losses == {"memory": 2})
 
     run(promise, memory=1 << 30)
 

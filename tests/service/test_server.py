@@ -122,7 +122,7 @@ def test_a_shutdown_finishes_the_plans_in_flight_and_leaves_nothing_behind(tmp_p
         assert server.call("/livez")[0] == 200
         assert in_flight()[0] == 200
         assert server.process.wait(10) == 0
-        until(lambda: not any(map(alive, family)), 3)
+        until(lambda: not any(map(alive, family)), 10)
 
 
 def test_a_second_signal_ends_the_service_at_once_and_leaves_nothing_behind(tmp_path):
@@ -134,8 +134,8 @@ def test_a_second_signal_ends_the_service_at_once_and_leaves_nothing_behind(tmp_
         time.sleep(0.2)
         assert server.process.poll() is None
         server.process.send_signal(signal.SIGINT)
-        server.process.wait(3)
-        until(lambda: not any(map(alive, family)), 3)
+        server.process.wait(10)
+        until(lambda: not any(map(alive, family)), 10)
         connection.close()
 
 
@@ -147,7 +147,7 @@ def test_a_service_that_is_killed_leaves_no_process_behind(tmp_path):
         time.sleep(0.5)
         server.process.kill()
         server.process.wait()
-        until(lambda: not any(map(alive, family)), 2)
+        until(lambda: not any(map(alive, family)), 10)  # well before the plan would end
         connection.close()
 
 
