@@ -145,7 +145,8 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             yield "direct", path
         if count and options.effort == "good":
             search.allowance = _WORK
-        if not count or options.effort == "best" or turns_back:
+        # Where the limits forbid the direct ways, a search finds no better ones.
+        if not found or options.effort == "best" or (count and turns_back):
             yield from search.paths(watch.is_over)
 
     def is_enough() -> bool:
