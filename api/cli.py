@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from api.places import keep_to
 from api.settings import Settings
 from api.strict_json import MalformedJson, read_json, write_json
 
@@ -34,6 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     if asked.command == "serve":
+        keep_to(settings.data_dir)
         from api.server import serve  # every command is quicker without what the others need
 
         return serve(settings)
