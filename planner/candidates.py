@@ -34,6 +34,8 @@ MAX_SAMPLES = 200_000
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (3, 4)
 """Ways to the goal: direct ones; those found by search, and how many where all turn back."""
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
+_PATIENCE = 180
+"""Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
 _HOPE = 0.92
@@ -58,14 +60,15 @@ def candidates(
 ) -> Iterator[list[Candidate]]:
     """Motions to choose from, each list with the fastest first; at least one motion, or a PlanningError.
 
-    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives.
-    Best: list after list as time allows, of whatever is found: with stops, then optimized.
+    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives; then,
+    for those whom no optimized one of these will do, what optimizing them with patience gives. Best: list
+    after list as time allows, of whatever is found: with stops, then optimized.
     """
     effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
 
-    def optimized(near: Candidate, rounds: int) -> list[Candidate]:
-        faster = optimizer.faster(near.timed, rounds)
+    def optimized(near: Candidate, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
+        faster = by.faster(near.timed, rounds)
         watch.lap("optimize")
         return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
 
@@ -89,12 +92,13 @@ def candidates(
                 yield optimized(near, _BEST_ROUNDS) or bow(near)
             known.add(duration)
         return
-    found = list(_stopping(problem, local, goals, watch))
+    stopping = list(_stopping(problem, local, goals, watch))
+    found = list(stopping)
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
-        found.sort(key=lambda near: flowing_time(near.timed, limits))
+        stopping.sort(key=lambda near: flowing_time(near.timed, limits))
         best: tuple[float, Candidate] | None = None
-        for near in found[:_GOOD_TRIES]:
+        for near in stopping[:_GOOD_TRIES]:
             if watch.is_over():
                 break
             if best is not None:
@@ -110,6 +114,11 @@ def candidates(
         found = _hastened(found, limits)
         watch.lap("optimize")
     yield found
+    if effort == "good" and drive.settled is drive:
+        patient = replace(optimizer, iterations=_PATIENCE)
+        for near in stopping[:_GOOD_TRIES]:
+            if not watch.is_over() and flowing_time(near.timed, limits) < _HASTE * near.timed.duration:
+                yield optimized(near, _GOOD_ROUNDS, patient)
 
 
 def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:

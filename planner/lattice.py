@@ -25,6 +25,8 @@ _USED = 4.0
 _SIDE = 16
 _NODES = _SIDE * _SIDE
 """Nodes along a block of the lattice, and in it."""
+_HALF = 1 << 14
+"""Nodes that a lattice reaches at most to either side of where it begins."""
 _COST, _PRICE, _PARENT, _PASSED = 0, 1, 2, 3
 """What is kept of a node: the cost (m) of the best way to it; the price of a metre, 0 where it is not known
 yet, inf where the disc does not fit, negative once the node was looked at; the node before it; whether an
@@ -169,9 +171,12 @@ def shortest(
     """
     (sx, sy), (gx, gy) = start, goal
     # Node (i, j) is at (ox + i * spacing, oy + j * spacing): the start is one of them.
-    width = int(world[COLUMNS] * world[STEP] / spacing) + 2
-    height = int(world[ROWS] * world[STEP] / spacing) + 2
-    i0, j0 = int(sx / spacing), int(sy / spacing)
+    left, below = int(sx / spacing), int(sy / spacing)
+    right = int(world[COLUMNS] * world[STEP] / spacing) + 2 - left
+    above = int(world[ROWS] * world[STEP] / spacing) + 2 - below
+    clipped = max(left, right, below, above) > _HALF
+    i0, j0 = min(left, _HALF), min(below, _HALF)
+    width, height = i0 + min(right, _HALF), j0 + min(above, _HALF)
     ox, oy = sx - i0 * spacing, sy - j0 * spacing
     blocks = np.full((height // _SIDE + 1, width // _SIDE + 1), -1, np.int32)
     corners = [(0, 0) for _ in range(0)]
@@ -222,7 +227,7 @@ def shortest(
                     heapq.heappush(queue, (cost + haste * ahead, k))
     box = (x_min, y_min, x_max, y_max)
     if last < 0:
-        return np.empty((0, 2)), len(queue) == 0, box
+        return np.empty((0, 2)), len(queue) == 0 and not clipped, box
     count = 2
     node = last
     while node != first:

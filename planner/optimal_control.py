@@ -36,11 +36,10 @@ _EFFORT = (1e-3, 2e-2)
 settles what would be undetermined; where that is not enough the second is tried."""
 
 _FATROP = {
-    "tol": 1e-5, "max_iter": 60, "mu_init": 1e-3, "mu_superlinear_decrease_power": 1.3,
+    "tol": 1e-5, "mu_init": 1e-3, "mu_superlinear_decrease_power": 1.3,
     "bound_push": 0.1, "bound_frac": 0.1,
 }  # fmt: skip
-"""Begun so near the limits, it takes a third less iterations than from a barrier of 0.03; hardly any solve
-that takes more than 60 comes to an end."""
+"""Begun so near the limits, it takes a third less iterations than from a barrier of 0.03."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +137,7 @@ class Solver:
 
 
 @lru_cache(maxsize=32)
-def solver(shape: Shape) -> Solver:
+def solver(shape: Shape, iterations: int) -> Solver:
     """The solver for a shape, built when first asked for (0.03 to 0.1 s)."""
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
@@ -158,7 +157,7 @@ def solver(shape: Shape) -> Solver:
         last=[Rows(motion.speeds(at), -1, 1), Rows(motion.finish(at), 0, 0)],
         last_cost=x[-1],
     )  # fmt: skip
-    return Solver(shape, program(stage, shape.knots, _FATROP))
+    return Solver(shape, program(stage, shape.knots, _FATROP | {"max_iter": iterations}))
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {

@@ -44,12 +44,14 @@ class Optimizer:
     """Direct optimization of one problem's motions: pose, wheel rates and steering at once, obstacles kept
     clear of.
 
-    is_over: whether to give up, as less time is left than given (s).
+    is_over: whether to give up, as less time is left than given (s). iterations: at most so many a solve;
+    hardly any that takes more than the default comes to an end.
     """
 
     problem: Problem
     world: CollisionWorld
     is_over: Callable[[float], bool]
+    iterations: int = 60
     _took: list[float] = field(default_factory=list)
 
     @property
@@ -227,7 +229,9 @@ class Optimizer:
             [(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)]
         )
         begin_of_solve = perf_counter()
-        answer = solver(shape).solve(parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n)
+        answer = solver(shape, self.iterations).solve(
+            parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n
+        )
         self._took.append(perf_counter() - begin_of_solve)
         if answer is None:
             return None

@@ -67,6 +67,8 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
             else:
                 if improved is not None and options.effort == "best":
                     improved(best)
+        if options.effort != "best" and best is not None and best.planning["optimized"]:
+            break
     if best is None:
         assert refused is not None
         raise refused

@@ -175,9 +175,11 @@ def _edges(plan: PlanDocument, problem: Problem) -> tuple[list[_Edge], dict[str,
         if away.max() < _SHORTEST:
             off = max(off, float(away.max()))
             continue
-        # What it drifts while it turns on the spot is left out too.
+        # What it drifts while it turns on the spot is made up for along the way.
         off = max(off, float(away[0]))
-        points[0] = end
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        left = 1.0 - np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+        points += np.outer(left, end - points[0])
         moved = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-9])
         t, points, heading = t[moved], points[moved], heading[moved]
         backwards = math.pi * float(np.interp(t[len(t) // 2], time, body["vx"]) < 0)

@@ -27,7 +27,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield f"http://127.0.0.1:{server.port}"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # while Playwright is up, nobody else may run an event loop in this thread
 def browser() -> Iterator[Any]:
     chromium = shutil.which("chromium")
     if chromium is None:
