@@ -60,9 +60,9 @@ def candidates(
 ) -> Iterator[list[Candidate]]:
     """Motions to choose from, each list with the fastest first; at least one motion, or a PlanningError.
 
-    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives; then,
-    for those whom no optimized one of these will do, what optimizing them with patience gives. Best: list
-    after list as time allows, of whatever is found: with stops, then optimized.
+    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives;
+    then, for those whom no optimized one of these will do, what optimizing them with patience gives. Best:
+    list after list as time allows, of whatever is found: with stops, then optimized.
     """
     effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
