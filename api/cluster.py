@@ -105,10 +105,7 @@ class Cluster:
         progress: Callable[[Any], None] | None = None,
     ) -> Any:
         """See `api.scheduler.Scheduler.run`."""
-        if trouble := self.trouble:
-            raise Refusal("draining", trouble, retry_after=_RETRY_AFTER)
-        if self._running >= self._size and self.queued >= self.queue_length:
-            raise self._overloaded(f"{self.queued} plans already wait for {self._size} workers.")
+        self.admit()
         job = asyncio.create_task(self._carry(pickle.dumps((function, args)), deadline, progress))
         self._jobs.add(job)
         try:
@@ -119,6 +116,13 @@ class Cluster:
             raise
         finally:
             self._jobs.discard(job)
+
+    def admit(self) -> None:
+        """Raises Refusal where a job would not be taken at present: draining, overloaded."""
+        if trouble := self.trouble:
+            raise Refusal("draining", trouble, retry_after=_RETRY_AFTER)
+        if self._running >= self._size and self.queued >= self.queue_length:
+            raise self._overloaded(f"{self.queued} plans already wait for {self._size} workers.")
 
     async def drain(self, grace: float) -> None:
         """Refuses new jobs, and waits up to `grace` s for those that have been taken."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import anyio
@@ -69,6 +70,8 @@ async def create_plan(
     """
     state, settings = request.app.state, settings_of(request)
     _wanted(request, format)
+    with _refusals_counted(state):
+        state.pool.admit()  # before anything is read: under a flood, refusing has to be cheap
     asked = await read_model(request, PlanRequest)
     problem = await anyio.to_thread.run_sync(to_problem, asked, find_map, settings.max_time_budget)
     wanted = _wanted(request, format, problem.robot.drive.kind)
@@ -97,13 +100,20 @@ async def answered(
     scheduler: Scheduler = state.pool
     metrics: Metrics = state.metrics
     deadline = problem.options.time_budget + state.settings.deadline_grace
-    try:
+    with _refusals_counted(state):
         answer: Answer = await scheduler.run(function, problem, *args, deadline=deadline, progress=progress)
+    metrics.planned(problem, answer)
+    return answer
+
+
+@contextmanager
+def _refusals_counted(state: State) -> Iterator[None]:
+    metrics: Metrics = state.metrics
+    try:
+        yield
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
-    metrics.planned(problem, answer)
-    return answer
 
 
 async def _stream(

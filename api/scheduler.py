@@ -49,6 +49,9 @@ class Scheduler(Protocol):
     def start(self) -> None:
         """Begins to bring the workers up; called once, in the event loop that all jobs come from."""
 
+    def admit(self) -> None:
+        """Raises Refusal where a job would not be taken at present: draining, overloaded."""
+
     async def run(
         self,
         function: Callable[..., Any],

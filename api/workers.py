@@ -158,7 +158,7 @@ class Pool:
         value that the function hands to `report`. If the caller is cancelled, so is the job. Raises
         Refusal: draining, overloaded, deadline-exceeded, worker-crashed.
         """
-        self._admit()
+        self.admit()
         loop = asyncio.get_running_loop()
         payload = pickle.dumps((function, args, progress is not None))
         job = _Job(payload, deadline, loop.create_future(), progress, time.time_ns())
@@ -180,7 +180,8 @@ class Pool:
         self._arrival.set_result(None)
         self._arrival = asyncio.get_running_loop().create_future()
 
-    def _admit(self) -> None:
+    def admit(self) -> None:
+        """Raises Refusal where a job would not be taken at present: draining, overloaded."""
         if not self.ready:
             why = "The service is shutting down." if self.draining else "No worker is up yet."
             raise Refusal("draining", why, retry_after=_RETRY_AFTER)

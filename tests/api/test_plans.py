@@ -139,6 +139,16 @@ def test_a_refusal_of_the_pool_is_a_problem(client, body, planner_, refusal, sta
     assert answer.headers.get("retry-after") == ("1" if status in (429, 503) else None)
 
 
+def test_a_full_service_refuses_without_looking_at_the_body_and_counts_it(client, body, monkeypatch):
+    def full():
+        raise Refusal("overloaded", "full", retry_after=3)
+
+    monkeypatch.setattr(client.app.state.pool, "admit", full)
+    answer = client.post("/v1/plans", content=b"{", headers={"content-type": "application/json"})
+    assert (answer.status_code, answer.headers["retry-after"]) == (429, "3")
+    assert 'wheelplan_refused_total{code="overloaded"} 1.0' in client.get("/metrics").text
+
+
 @pytest.mark.parametrize("failure", [RuntimeError("secret"), MemoryError("secret"), RecursionError("secret")])
 def test_an_unexpected_failure_tells_nothing_but_the_request_id(client, body, planner_, failure):
     planner_.raises = failure
