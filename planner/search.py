@@ -1,15 +1,15 @@
 """Problem → Path. The only file that imports ompl.
 
-OMPL's planners sample the state space (SE(2), Reeds–Shepp, Dubins) and grow their trees by a
-MotionValidator that asks the robot's own Connector; the path is then built again from the same Connector's
-motions, so what drives is what was checked. Planners take turns under limits of work, not of time, so that
-a seed names its path.
+RRTConnect is compiled (planner.rrt); OMPL's planners sample the state space (SE(2), Reeds–Shepp, Dubins) and
+grow their trees by a MotionValidator that asks the robot's own Connector. Either way the path is one of the
+Connector's motions, so what drives is what was checked. Planners take turns under limits of work, not of
+time, so that a seed names its path.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,11 +20,13 @@ from ompl import util as ou
 from drives.se2 import Pose, compose
 from planner.collision import RADIUS, REACH
 from planner.connect import Connector
+from planner.edges import LINE
 from planner.guide import Guide
-from planner.path import Path, merge
+from planner.path import Path, as_path, merge
 from planner.problem import Environment
 from planner.roadmap import quickest_path
-from planner.route import Route
+from planner.route import Route, route_poses
+from planner.rrt import Space, chain, driven, grow, roomier, rooted, seeded
 
 __all__ = ["Search"]
 
@@ -46,22 +48,24 @@ _ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
+_SHARE, _AROUND, _REACHES, _TURNS_OFF, _CHUNK = 0.2, 0.5, 8.0, 4.0, 256
+_NO_ROUTE = np.zeros((0, 5)), np.zeros(9)
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
-    """Counts the motions it checks: that is how work is measured. pose: of the body, of a state's numbers."""
+    """Counts the motions it checks: that is how work is measured."""
 
-    def __init__(self, information: Any, connector: Connector, pose: Callable[..., Pose]) -> None:
+    def __init__(self, information: Any, connector: Connector) -> None:
         super().__init__(information)
-        self.free, self.pose = connector.edge_free, pose
+        self.free = connector.edge_free
         self.count = 0
 
     def checkMotion(self, a: Any, b: Any) -> bool:
         self.count += 1
-        return self.free(self.pose(a.getX(), a.getY(), a.getYaw()), self.pose(b.getX(), b.getY(), b.getYaw()))
+        return self.free(Pose(a.getX(), a.getY(), a.getYaw()), Pose(b.getX(), b.getY(), b.getYaw()))
 
 
 class Search:
@@ -99,8 +103,10 @@ class Search:
             path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
                 name = _ROADMAP
+            elif name == "RRTConnect":
+                path = self._connect(self.seed + turn - 1, work, clock, route, goal, near=turn == 1)
             else:
-                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
+                path = self._solve(name, self.seed + turn - 1, work, clock)
             if path is not None:
                 found = True
                 yield name, path
@@ -109,12 +115,9 @@ class Search:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
         end = route.coordinates(goal, route.length)
         count = 2 + math.ceil(route.length / max(_EVERY * route.reach, _LEAST * route.length))
-        turn = 0.0 if route.along else end[2]
-        on_route = [
-            route.pose(u * route.length, 0.0, u * turn) for u in np.linspace(0.0, 1.0, count).tolist()
-        ]
-        poses = np.array([self.start, *on_route, goal])
-        path = quickest_path(poses, np.arange(len(poses)), _REACH, self.connector, _WAYS)
+        on_route = route_poses(route.legs, route.shape, count, 0.0 if route.along else end[2])
+        poses = np.concatenate([[self.start], on_route, [goal]])
+        path = quickest_path(poses, _REACH, self.connector, _WAYS)
         checked = _REACH * len(poses)
         self.work += checked
         self._tell(_ROADMAP, True, None, checked, path is not None)
@@ -133,35 +136,74 @@ class Search:
         """Whether headings follow the route: those that need not do so by turns."""
         return self.connector.steers or turn % 2 == 1
 
-    def _solve(
-        self, name: str, seed: int, work: int, clock: Any, route: Route | None, goal: Pose
-    ) -> Path | None:
+    def _connect(self, seed: int, work: int, clock: Any, route: Route | None, goal: Pose, near: bool) -> Path | None:
+        """RRTConnect, along a route or, where there is none, in the area or only near start and goals."""
+        law = self.connector.law
+        if route is None:
+            x_min, y_min, x_max, y_max = self._near() if near else self.area
+            low, high = np.array([x_min, y_min, -math.pi]), np.array([x_max, y_max, math.pi])
+            starts, goals = [self.start], list(self.goals)
+            stride = _SHARE * math.dist(low[:2], high[:2])
+            legs, shape = _NO_ROUTE
+        else:
+            beyond, beside = _BEYOND * route.reach, route.beside
+            low = np.array([-beyond, -beside, -math.pi])
+            high = np.array([route.length + beyond, beside, math.pi])
+            starts = [route.coordinates(self.start, 0.0)]
+            goals = [route.coordinates(goal, route.length)]
+            stride = max(_STRIDE * route.reach, _LEAST * route.length)
+            legs, shape = route.legs, route.shape
+        space = Space(legs, shape, low, high, stride, law.kind, law.radius, law.reverse)
+        trees = rooted(space, np.array(starts), np.array(goals))
+        seeded(seed % 2**32)
+        met = False
+        for _ in range(0, work, _CHUNK):
+            met = grow(self.connector.world.kernel, space, trees, _CHUNK)
+            if met or self._is_spent(int(trees.counts[3])) or clock():
+                break
+            trees = roomier(trees, _CHUNK)
+        checked = int(trees.counts[3])
+        self.work += checked
+        self._tell("RRTConnect", route is not None, seed, checked, met)
+        if not met:
+            return None
+        poses = chain(trees)
+        return as_path(np.array(self.start), driven(self.connector.world.kernel, space, poses), law.kind == LINE)
+
+    def _near(self) -> tuple[float, float, float, float]:
+        """The area round start and goals, or what there is of it."""
+        ends = np.array([self.start, *self.goals])[:, :2]
+        low, high = ends.min(0), ends.max(0)
+        kernel = self.connector.world.kernel
+        beyond = _AROUND * math.dist(low, high) + _REACHES * float(kernel[REACH] + kernel[RADIUS]) + _TURNS_OFF * self.connector.turning_radius
+        x_min, y_min, x_max, y_max = self.area
+        return (
+            max(x_min, float(low[0]) - beyond),
+            max(y_min, float(low[1]) - beyond),
+            min(x_max, float(high[0]) + beyond),
+            min(y_max, float(high[1]) + beyond),
+        )
+
+    def _solve(self, name: str, seed: int, work: int, clock: Any) -> Path | None:
         # Before anything of OMPL's is built: that is what makes a plan repeatable.
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
-        space = self._space() if route is None else self._beside(route)
-        pose = Pose if route is None else route.pose
-        information = ob.SpaceInformation(space)
+        information = ob.SpaceInformation(self._space())
         world = self.connector.world
-        information.setStateValidityChecker(lambda s: world.is_free(pose(s.getX(), s.getY(), s.getYaw())))
-        validator = _Validator(information, self.connector, pose)
+        information.setStateValidityChecker(
+            lambda s: world.is_free(Pose(s.getX(), s.getY(), s.getYaw()))
+        )
+        validator = _Validator(information, self.connector)
         information.setMotionValidator(validator)
         information.setup()
         definition = ob.ProblemDefinition(information)
-        start, ends = self.start, self.goals
-        if route is not None:
-            start = Pose(*route.coordinates(self.start, 0.0))
-            ends = [Pose(*route.coordinates(goal, route.length))]
-        definition.addStartState(_state(information, start))
+        definition.addStartState(_state(information, self.start))
         goals = ob.GoalStates(information)
-        for end in ends:
+        for end in self.goals:
             goals.addState(_state(information, end))
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
-        if route is not None:
-            planner.setRange(max(_STRIDE * route.reach, _LEAST * route.length))
-        elif name == "BKPIECE1":
-            reach = float(world.kernel[REACH] + world.kernel[RADIUS])
-            planner.setRange(max(_STEP * reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
+        reach = float(world.kernel[REACH] + world.kernel[RADIUS])
+        planner.setRange(max(_STEP * reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -177,8 +219,8 @@ class Search:
         status = planner.solve(ob.PlannerTerminationCondition(stop))
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
-        self._tell(name, route is not None, seed, validator.count, exact)
-        return self._rebuild(definition.getSolutionPath(), pose) if exact else None
+        self._tell(name, False, seed, validator.count, exact)
+        return self._rebuild(definition.getSolutionPath()) if exact else None
 
     def _is_spent(self, more: int) -> bool:
         return self.allowance is not None and self.work + more >= self.allowance
@@ -195,19 +237,12 @@ class Search:
         space.setBounds(_bounds((x_min, x_max), (y_min, y_max)))
         return space
 
-    def _beside(self, route: Route) -> Any:
-        """The space of a route's coordinates."""
-        beyond, beside = _BEYOND * route.reach, route.beside
-        space = ob.SE2StateSpace()
-        space.setBounds(_bounds((-beyond, route.length + beyond), (-beside, beside)))
-        return space
-
-    def _rebuild(self, found: Any, pose: Callable[..., Pose]) -> Path | None:
+    def _rebuild(self, found: Any) -> Path | None:
         """The connector's own motions through the states of an OMPL path."""
         pieces: list[Any] = []
         here = self.start
         for state in list(found.getStates())[1:]:
-            step = self.connector.connect(here, pose(state.getX(), state.getY(), state.getYaw()))
+            step = self.connector.connect(here, Pose(state.getX(), state.getY(), state.getYaw()))
             if step is None:
                 return None
             pieces += step
