@@ -140,14 +140,15 @@ def _duration(candidate: Candidate) -> float:
 def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
     """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
     options, robot = problem.options, problem.robot
-    search = Search(local, problem.environment, problem.start, goals, options.seed)
+    search = Search(
+        local, problem.environment, problem.start, goals, options.seed,
+        lambda: _refuse_if_separated(problem, local.world),
+    )  # fmt: skip
     count = searched = 0
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
     found = list(islice(direct, 1))
-    if not found:
-        _refuse_if_separated(problem, local.world)
 
     def ways() -> Iterator[tuple[str, Path]]:
         for path in chain(found, direct):

@@ -15,26 +15,22 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 from planner.collision import World, pose_free
-from planner.curves import shortest_length
 from planner.edges import CURVE, curve, joined, moved
 from planner.route import route_pose
 from planner.tree import kernel
 
 __all__ = ["Space", "Trees", "chain", "driven", "grow", "roomier", "rooted", "seeded"]
 
-_TURN = 0.5
-"""How far (m) a radian is, where motions are no curves."""
-
-
 class Space(NamedTuple):
     """Where trees grow. legs, shape: of a Route; legs (0, 5): coordinates are poses. low, high (3,): what is
-    drawn, and stride: how far apart coordinates may be that a motion joins. kind, radius, reverse: see
-    planner.edges.joined."""
+    drawn. turn: how far a radian is. stride: how far apart coordinates may be that a motion joins. kind, radius,
+    reverse: see planner.edges.joined."""
 
     legs: Array
     shape: Array
     low: Array
     high: Array
+    turn: float
     stride: float
     kind: int
     radius: float
@@ -86,42 +82,16 @@ def _pose(space: Space, s: float, left: float, angle: float) -> tuple[float, flo
 
 
 @kernel
-def _apart(space: Space, a: Array, x: float, y: float, theta: float, ahead: bool) -> float:
-    """How far coordinates are from a node's, or the other way round; of curves the length (m)."""
-    dx, dy = x - a[0], y - a[1]
-    turn = theta - a[2]
-    if space.kind == CURVE and len(space.legs) == 0:
-        heading = a[2] if ahead else theta
-        c, s = math.cos(heading) / space.radius, math.sin(heading) / space.radius
-        if not ahead:
-            dx, dy, turn = -dx, -dy, -turn
-        return space.radius * shortest_length(c * dx + s * dy, c * dy - s * dx, turn, space.reverse)
-    turn -= math.tau * math.floor(turn / math.tau + 0.5)
-    return math.sqrt(dx * dx + dy * dy) + _TURN * abs(turn)
-
-
-@kernel
-def _nearest(space: Space, nodes: Array, count: int, x: float, y: float, theta: float, ahead: bool) -> int:
-    """The node that coordinates are nearest to."""
+def _nearest(space: Space, nodes: Array, count: int, x: float, y: float, theta: float) -> tuple[int, float]:
+    """The node that coordinates are nearest to, and how far from it they are."""
     nearest, least = 0, np.inf
     for k in range(count):
-        dx, dy = x - nodes[k, 0], y - nodes[k, 1]
-        turn = theta - nodes[k, 2]
+        dx, dy, turn = x - nodes[k, 0], y - nodes[k, 1], theta - nodes[k, 2]
         turn -= math.tau * math.floor(turn / math.tau + 0.5)
-        d = math.sqrt(dx * dx + dy * dy) + _TURN * abs(turn)
+        d = math.sqrt(dx * dx + dy * dy) + space.turn * abs(turn)
         if d < least:
             nearest, least = k, d
-    if space.kind != CURVE or len(space.legs) > 0:
-        return nearest
-    # No curve is shorter than the straight line.
-    least = _apart(space, nodes[nearest], x, y, theta, ahead)
-    for k in range(count):
-        dx, dy = x - nodes[k, 0], y - nodes[k, 1]
-        if dx * dx + dy * dy < least * least:
-            d = _apart(space, nodes[k], x, y, theta, ahead)
-            if d < least:
-                nearest, least = k, d
-    return nearest
+    return nearest, least
 
 
 @kernel
@@ -169,9 +139,8 @@ def _extended(
 ) -> tuple[bool, bool]:
     """Whether a tree has grown by a motion towards coordinates, and whether it has reached them."""
     ahead = tree == 0
-    near = _nearest(space, trees.nodes[tree], trees.counts[tree], x, y, theta, ahead)
+    near, d = _nearest(space, trees.nodes[tree], trees.counts[tree], x, y, theta)
     node = trees.nodes[tree, near]
-    d = _apart(space, node, x, y, theta, ahead)
     reached = d <= space.stride
     if not reached:
         x, y, theta = _towards(space, node, x, y, theta, space.stride / d, ahead, steps)

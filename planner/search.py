@@ -9,7 +9,7 @@ time, so that a seed names its path.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from ompl import util as ou
 from drives.se2 import Pose, compose
 from planner.collision import RADIUS, REACH
 from planner.connect import Connector
-from planner.edges import LINE
+from planner.edges import CURVE, LINE
 from planner.guide import Guide
 from planner.path import Path, as_path, merge
 from planner.problem import Environment
@@ -75,9 +75,15 @@ class Search:
     """
 
     def __init__(
-        self, connector: Connector, environment: Environment, start: Pose, goals: Sequence[Pose], seed: int
+        self,
+        connector: Connector,
+        environment: Environment,
+        start: Pose,
+        goals: Sequence[Pose],
+        seed: int,
+        doubt: Callable[[], None] = lambda: None,
     ) -> None:
-        self.connector, self.start, self.goals, self.seed = connector, start, goals, seed
+        self.connector, self.start, self.goals, self.seed, self.doubt = connector, start, goals, seed, doubt
         self.area = _area(environment)
         self._guides: dict[Pose, Guide] = {}
         self.work = 0
@@ -110,6 +116,8 @@ class Search:
             if path is not None:
                 found = True
                 yield name, path
+            elif turn == 1:
+                self.doubt()
 
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
@@ -153,7 +161,8 @@ class Search:
             goals = [route.coordinates(goal, route.length)]
             stride = max(_STRIDE * route.reach, _LEAST * route.length)
             legs, shape = route.legs, route.shape
-        space = Space(legs, shape, low, high, stride, law.kind, law.radius, law.reverse)
+        turn = law.radius if law.kind == CURVE else float(self.connector.world.kernel[REACH])
+        space = Space(legs, shape, low, high, turn, stride, law.kind, law.radius, law.reverse)
         trees = rooted(space, np.array(starts), np.array(goals))
         seeded(seed % 2**32)
         met = False
