@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
+from planner.collision import INNER_RADIUS, surely_hits
 from planner.curves import (
     DUBINS,
     DUBINS_END,
@@ -50,6 +51,10 @@ __all__ = [
 
 LINE, PIVOT, CURVE = 0, 1, 2
 """Straight lines in SE(2); turns on the spot and straights; words of Dubins, or of Reeds and Shepp."""
+
+_PROBES, _FAR = 16, 4.0
+"""How many poses on a step are looked at, at most, before all of it is; and how far apart they may be, in radii
+of the largest disc inside the footprint."""
 
 OVERLAPPING = 0.5
 """Share of the time to steer, or to turn on the spot, that is lost where the robot drives
@@ -237,21 +242,44 @@ def moved(x: float, y: float, theta: float, vx: float, vy: float, turn: float) -
 
 
 @kernel
+def _blocked(world: World, x: float, y: float, theta: float, p: float, q: float, turn: float, straight: bool) -> bool:
+    """Whether the largest disc inside the footprint surely hits something at one of a few poses on a step."""
+    way = math.sqrt(p * p + q * q)
+    count = 2
+    while count < _PROBES and way > count * _FAR * world[INNER_RADIUS]:
+        count *= 2
+    stride = count
+    while stride > 1:
+        for k in range(stride // 2, count, stride):
+            share = k / count
+            if straight:
+                px, py, heading = x + share * p, y + share * q, theta + share * turn
+            else:
+                px, py, heading = moved(x, y, theta, share * p, share * q, share * turn)
+            if surely_hits(world, px, py, heading):
+                return True
+        stride //= 2
+    return False
+
+
+@kernel
 def motion_free(world: World, start: Array, steps: Array, straight: bool) -> bool:
     """Whether steps (k, 3) from a pose (3,) are free; straight: whether they are lines."""
-    x, y, theta = start[0], start[1], start[2]
-    for k in range(len(steps)):
-        p, q, turn = steps[k, 0], steps[k, 1], steps[k, 2]
-        if p == 0.0 and q == 0.0 and turn == 0.0:
-            continue
-        if straight:
-            if not linear_free(world, x, y, theta, x + p, y + q, theta + turn):
+    for exact in range(2):
+        x, y, theta = start[0], start[1], start[2]
+        for k in range(len(steps)):
+            p, q, turn = steps[k, 0], steps[k, 1], steps[k, 2]
+            if p == 0.0 and q == 0.0 and turn == 0.0:
+                continue
+            if exact == 0:
+                if _blocked(world, x, y, theta, p, q, turn, straight):
+                    return False
+            elif straight:
+                if not linear_free(world, x, y, theta, x + p, y + q, theta + turn):
+                    return False
+            elif not twist_free(world, x, y, theta, p, q, turn):
                 return False
-            x, y, theta = x + p, y + q, theta + turn
-        else:
-            if not twist_free(world, x, y, theta, p, q, turn):
-                return False
-            x, y, theta = moved(x, y, theta, p, q, turn)
+            x, y, theta = (x + p, y + q, theta + turn) if straight else moved(x, y, theta, p, q, turn)
     return True
 
 
@@ -287,7 +315,7 @@ def joined(
     if kind == LINE:
         turn = math.pi - (math.pi - (bth - ath)) % math.tau
         steps[0, 0], steps[0, 1], steps[0, 2] = bx - ax, by - ay, turn
-        return linear_free(world, ax, ay, ath, bx, by, ath + turn)
+        return motion_free(world, np.array([ax, ay, ath]), steps[:1], True)
     if kind == CURVE:
         curve(ax, ay, ath, bx, by, bth, radius, reverse, steps)
         return motion_free(world, np.array([ax, ay, ath]), steps, False)
@@ -299,10 +327,6 @@ def joined(
         course = math.atan2(sign * dy, sign * dx) if distance >= NOTHING else ath
         first, last = _wrapped(course - ath), _wrapped(bth - course)
         steps[0, 2], steps[1, 0], steps[2, 2] = first, sign * distance, last
-        if (
-            linear_free(world, ax, ay, ath + first, bx, by, ath + first)
-            and linear_free(world, ax, ay, ath, ax, ay, ath + first)
-            and linear_free(world, bx, by, ath + first, bx, by, ath + first + last)
-        ):
+        if motion_free(world, np.array([ax, ay, ath]), steps, False):
             return True
     return False
