@@ -33,7 +33,7 @@ __all__ = ["Search"]
 ou.setLogLevel(ou.LOG_NONE)
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    ("RRTConnect", 150, False),
+    ("RRTConnect", 600, False),
     ("RRTConnect", 2_000, True),
     ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
