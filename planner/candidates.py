@@ -38,6 +38,8 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
+_DETOUR = 1.3
+"""How much longer than the crow flies a way is where another is looked for, at effort first."""
 _HOPE = 0.92
 """Share of its flowing time that a motion may take once it is optimized, where the best so far turns
 back."""
@@ -169,6 +171,10 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             case "best":
                 return False
 
+    def is_detour(path: Path) -> bool:
+        crow = math.dist(path[0].start[:2], path[-1].end[:2])
+        return sum(piece.length for piece in path) > _DETOUR * crow
+
     for planner, path in ways():
         watch.lap("search")
         if planner != "direct":
@@ -176,6 +182,10 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
                 break
             path = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
+            if options.effort == "first" and is_detour(path) and (other := search.another(watch.is_over)):
+                watch.lap("search")
+                path = min(path, shorten(other, local, quick=True), key=local.duration)
+                watch.lap("shorten")
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)
             _refuse_if_endless(timed, options.sample_period)

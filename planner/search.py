@@ -119,6 +119,10 @@ class Search:
             elif turn == 1:
                 self.doubt()
 
+    def another(self, clock: Any) -> Path | None:
+        """A way found as the first one is, by other draws."""
+        return self._connect(self.seed + len(_TURNS), _TURNS[0][1], clock, None, self.goals[0], near=True)
+
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
         end = route.coordinates(goal, route.length)
