@@ -242,7 +242,9 @@ def moved(x: float, y: float, theta: float, vx: float, vy: float, turn: float) -
 
 
 @kernel
-def _blocked(world: World, x: float, y: float, theta: float, p: float, q: float, turn: float, straight: bool) -> bool:
+def _blocked(
+    world: World, x: float, y: float, theta: float, p: float, q: float, turn: float, straight: bool
+) -> bool:
     """Whether the largest disc inside the footprint surely hits something at one of a few poses on a step."""
     way = math.sqrt(p * p + q * q)
     count = 2

@@ -86,7 +86,9 @@ class Guide:
         if len(way) < 2:
             return way
         between = np.linspace(0.0, 1.0, coarse, endpoint=False)[:, None]
-        way = np.concatenate([(way[:-1, None] + between * np.diff(way, axis=0)[:, None]).reshape(-1, 2), way[-1:]])
+        way = np.concatenate(
+            [(way[:-1, None] + between * np.diff(way, axis=0)[:, None]).reshape(-1, 2), way[-1:]]
+        )
         way = np.asarray(roomiest(self.world, way, radius, roomy, spacing))
         if coarse > 1 and rooms(self.world, way[1:-1], radius).min(initial=radius) < _CLEAR * radius:
             return way[:0]

@@ -26,7 +26,13 @@ def quickest_path(poses: Array, reach: int, connector: Connector, ways: int) -> 
     motions; None: there is none. reach: how many poses further a motion may lead. ways: how many of each
     pair are tried."""
     steps, found = quickest_steps(
-        connector.world.kernel, connector.law, poses, np.arange(len(poses)), reach, connector.ways(ways), *_NONE
+        connector.world.kernel,
+        connector.law,
+        poses,
+        np.arange(len(poses)),
+        reach,
+        connector.ways(ways),
+        *_NONE,
     )
     return as_path(poses[0], steps, connector.law.kind == LINE) if found else None
 
@@ -49,37 +55,38 @@ def quickest_steps(
     heads = 1 if straight or law.reversal == 0.0 else 2
     own_times = step_times(law, begin[:, 2], own)
     first = np.searchsorted(station, station)
-    reached, by = np.full((n, heads), np.inf), np.zeros((n, heads, 3), np.int64)
+    reached, soonest, by = np.full((n, heads), np.inf), np.zeros(n), np.zeros((n, heads, 3), np.int64)
     chosen = np.zeros((n, heads, SEGMENTS, 3))
     reached[0] = 0.0
     times, steps = np.empty((n, ways + 1)), np.empty((n, ways, SEGMENTS, 3))
     told, known = np.empty(n, np.bool_), np.empty((n, ways + 1), np.bool_)
-    ends = np.zeros((n, ways + 1, 2))
+    quickest, ends = np.empty(n), np.zeros((n, ways + 1, 2))
     for j in range(1, n):
         low, high = np.searchsorted(station, station[j] - reach), first[j]
         for i in range(low, high):
-            times[i], known[i], told[i] = np.inf, False, False
-            if law.kind == CURVE:
-                times[i, 0] = bound(law, poses[i], poses[j])
-            else:
+            times[i], known[i], told[i] = np.inf, False, law.kind != CURVE
+            if told[i]:
                 ways_between(law, poses[i], poses[j], times[i], steps[i])
-                told[i] = True
                 if heads == 2:
                     _mark(steps[i], ends[i])
+            else:
+                times[i, 0] = bound(law, poses[i], poses[j])
+            quickest[i] = _least(times[i])
         before = first[high - 1]
         if len(place) > 0 and j == first[j]:
             k, stop = place[station[j] - 1], place[station[j]]
             times[before, ways], known[before, ways] = own_times[k:stop].sum(), True
+            quickest[before] = min(quickest[before], times[before, ways])
             if heads == 2:
                 _head(own[k:stop], ends[before, ways])
         for after in range(heads):
             while True:
                 least, e, way, head = np.inf, 0, 0, 0
                 for i in range(low, high):
-                    if not reached[i].min() < least:
+                    if not soonest[i] + quickest[i] < least:
                         continue
                     for w in range(ways + 1):
-                        if not times[i, w] < least:
+                        if not soonest[i] + times[i, w] < least:
                             continue
                         for h in range(heads):
                             total = reached[i, h] + times[i, w]
@@ -94,20 +101,22 @@ def quickest_steps(
                                 least, e, way, head = total, i, w, h
                 if least == np.inf or known[e, way]:
                     break
-                if not told[e]:
+                if told[e]:
+                    known[e, way] = motion_free(world, poses[e], steps[e, way], straight)
+                    if not known[e, way]:
+                        times[e, way] = np.inf
+                else:
                     last = times[e, ways]
                     ways_between(law, poses[e], poses[j], times[e], steps[e])
                     times[e, ways], told[e] = last, True
                     if heads == 2:
                         _mark(steps[e], ends[e])
-                    continue
-                known[e, way] = motion_free(world, poses[e], steps[e, way], straight)
-                if not known[e, way]:
-                    times[e, way] = np.inf
+                quickest[e] = _least(times[e])
             reached[j, after] = least
             by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, head
             if least < np.inf and way < ways:
                 chosen[j, after] = steps[e, way]
+        soonest[j] = _least(reached[j])
     head = int(np.argmin(reached[n - 1]))
     if reached[n - 1, head] == np.inf:
         return np.empty((0, 3)), False
@@ -120,6 +129,14 @@ def quickest_steps(
         found[size : size + len(part)] = part
         j, head = i, by[j, head, 2]
     return merged(found[size:], straight), True
+
+
+@kernel
+def _least(values: Array) -> float:
+    least = np.inf
+    for value in values:
+        least = min(least, value)
+    return least
 
 
 @kernel

@@ -110,9 +110,7 @@ def _drawn(even: float, on: float, power: float) -> float:
 
 
 @kernel
-def route_pose(
-    legs: Array, shape: Array, s: float, left: float, angle: float
-) -> tuple[float, float, float]:
+def route_pose(legs: Array, shape: Array, s: float, left: float, angle: float) -> tuple[float, float, float]:
     """The body's pose at coordinates of a route, of which legs and shape are given."""
     _, x, y, c, d = legs[_leg(legs, s)]
     ds = s - legs[_leg(legs, s), 0]
@@ -120,7 +118,9 @@ def route_pose(
     if shape[_ALONG]:
         most = shape[_MOST]
         nearest = round(angle / (2 * most)) * 2 * most
-        theta = math.atan2(d, c) + nearest + most * _drawn((angle - nearest) / most, shape[_ON], shape[_POWER])
+        theta = (
+            math.atan2(d, c) + nearest + most * _drawn((angle - nearest) / most, shape[_ON], shape[_POWER])
+        )
     left = shape[_OFF] * _drawn(left / shape[_OFF], shape[_ON], shape[_POWER])
     heading = theta if math.isnan(shape[_FIXED]) else shape[_FIXED]
     e, f = math.cos(heading), math.sin(heading)

@@ -15,11 +15,16 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 from planner.collision import World, pose_free
+from planner.curves import SEGMENTS
 from planner.edges import CURVE, curve, joined, moved
 from planner.route import route_pose
 from planner.tree import kernel
 
-__all__ = ["Space", "Trees", "chain", "driven", "grow", "roomier", "rooted", "seeded"]
+__all__ = ["CHECKED", "Space", "Trees", "driven", "grow", "roomier", "rooted", "seeded"]
+
+# Of the counts of trees.
+_NEXT, CHECKED, _MET = 2, 3, 4
+
 
 class Space(NamedTuple):
     """Where trees grow. legs, shape: of a Route; legs (0, 5): coordinates are poses. low, high (3,): what is
@@ -39,27 +44,26 @@ class Space(NamedTuple):
 
 class Trees(NamedTuple):
     """Of the start and of the goals. nodes (2, n, 6): coordinates and pose. parents (2, n): -1 at roots.
-    counts (6,): nodes of either, the one to be extended next, motions checked, and the nodes that met."""
+    counts (6,): nodes of either, which is extended next, motions CHECKED, and the two nodes that met."""
 
     nodes: Array
     parents: NDArray[np.int64]
     counts: NDArray[np.int64]
 
 
-def rooted(space: Space, starts: Array, goals: Array) -> Trees:
-    """Trees of nothing but roots, at coordinates (1, 3) and (k, 3)."""
-    room = 512
-    trees = Trees(np.empty((2, room, 6)), np.full((2, room), -1), np.zeros(6, np.int64))
-    for tree, roots in enumerate((starts, goals)):
-        for at in roots:
-            _add(trees, tree, *at, *_pose(space, *at), -1)
+def rooted(start: Array, goals: Array, room: int) -> Trees:
+    """Trees of nothing but roots (6,) and (k, 6), and with room for so many more nodes."""
+    size = room + len(goals)
+    trees = Trees(np.empty((2, size, 6)), np.full((2, size), -1), np.zeros(6, np.int64))
+    trees.nodes[0, 0], trees.nodes[1, : len(goals)] = start, goals
+    trees.counts[:2] = 1, len(goals)
     return trees
 
 
 def roomier(trees: Trees, more: int) -> Trees:
     """The same with room for so many more nodes."""
     nodes, parents, counts = trees
-    missing = int(counts[:2].max()) + more + 64 - nodes.shape[1]
+    missing = int(counts[:2].max()) + more - nodes.shape[1]
     if missing <= 0:
         return trees
     missing = max(missing, nodes.shape[1])
@@ -124,7 +128,15 @@ def _towards(
 
 @kernel
 def _add(
-    trees: Trees, tree: int, s: float, left: float, angle: float, x: float, y: float, theta: float, parent: int
+    trees: Trees,
+    tree: int,
+    s: float,
+    left: float,
+    angle: float,
+    x: float,
+    y: float,
+    theta: float,
+    parent: int,
 ) -> None:
     k = trees.counts[tree]
     node = trees.nodes[tree, k]
@@ -147,16 +159,12 @@ def _extended(
     px, py, heading = _pose(space, x, y, theta)
     if not pose_free(world, px, py, heading):
         return False, False
-    trees.counts[3] += 1
+    trees.counts[CHECKED] += 1
     ax, ay, ath = node[3], node[4], node[5]
     if ahead:
-        free = joined(
-            world, space.kind, space.radius, space.reverse, ax, ay, ath, px, py, heading, steps
-        )
+        free = joined(world, space.kind, space.radius, space.reverse, ax, ay, ath, px, py, heading, steps)
     else:
-        free = joined(
-            world, space.kind, space.radius, space.reverse, px, py, heading, ax, ay, ath, steps
-        )
+        free = joined(world, space.kind, space.radius, space.reverse, px, py, heading, ax, ay, ath, steps)
     if free:
         _add(trees, tree, x, y, theta, px, py, heading, near)
     return free, free and reached
@@ -167,10 +175,10 @@ def grow(world: World, space: Space, trees: Trees, work: int) -> bool:
     """Whether the trees have met; they grow until then, or until about so many motions have been checked, or
     twenty times as many draws, or there is no more room for nodes."""
     counts = trees.counts
-    steps = np.empty((5, 3))
-    end, room = counts[3] + work, trees.nodes.shape[1]
+    steps = np.empty((SEGMENTS, 3))
+    end, room = counts[CHECKED] + work, trees.nodes.shape[1]
     for _ in range(20 * work):
-        if counts[3] >= end or max(counts[0], counts[1]) + 1 >= room:
+        if counts[CHECKED] >= end or max(counts[0], counts[1]) + 1 >= room:
             return False
         x = np.random.uniform(space.low[0], space.high[0])
         y = np.random.uniform(space.low[1], space.high[1])
@@ -178,7 +186,7 @@ def grow(world: World, space: Space, trees: Trees, work: int) -> bool:
         px, py, heading = _pose(space, x, y, theta)
         if not pose_free(world, px, py, heading):
             continue
-        tree = counts[2]
+        tree = counts[_NEXT]
         other = 1 - tree
         grown, _ = _extended(world, space, trees, tree, x, y, theta, steps)
         if grown:
@@ -187,40 +195,31 @@ def grow(world: World, space: Space, trees: Trees, work: int) -> bool:
             while counts[other] < room:
                 grown, reached = _extended(world, space, trees, other, node[0], node[1], node[2], steps)
                 if reached:
-                    counts[4 + tree], counts[4 + other] = last, counts[other] - 1
+                    counts[_MET + tree], counts[_MET + other] = last, counts[other] - 1
                     return True
                 if not grown:
                     break
-        counts[2] = other
+        counts[_NEXT] = other
     return False
 
 
 @kernel
-def chain(trees: Trees) -> Array:
-    """The poses (n, 3) from the start to a goal, of trees that have met."""
+def driven(world: World, space: Space, trees: Trees) -> Array:
+    """The steps (k, 3) from the start to a goal, of trees that have met."""
     nodes, parents, counts = trees
-    k, n = parents[1, counts[5]], counts[4]
-    size = 1
+    n = counts[_MET]
+    back = [n]
     while parents[0, n] >= 0:
-        n, size = parents[0, n], size + 1
-    before = size
-    while k >= 0:
-        k, size = parents[1, k], size + 1
-    found = np.empty((size, 3))
-    n, k = counts[4], parents[1, counts[5]]
-    for i in range(before - 1, -1, -1):
-        found[i], n = nodes[0, n, 3:], parents[0, n]
-    for i in range(before, size):
-        found[i], k = nodes[1, k, 3:], parents[1, k]
-    return found
-
-
-@kernel
-def driven(world: World, space: Space, poses: Array) -> Array:
-    """The steps (k, 3) from pose to pose of a chain (n, 3)."""
-    found, steps, size = np.empty((5 * len(poses), 3)), np.empty((5, 3)), 0
-    for k in range(len(poses) - 1):
-        (ax, ay, ath), (bx, by, bth) = poses[k], poses[k + 1]
+        n = parents[0, n]
+        back.append(n)
+    poses = [nodes[0, k, 3:] for k in back[::-1]]
+    n = parents[1, counts[_MET + 1]]
+    while n >= 0:
+        poses.append(nodes[1, n, 3:])
+        n = parents[1, n]
+    found, steps, size = np.empty((SEGMENTS * len(poses), 3)), np.empty((SEGMENTS, 3)), 0
+    for i in range(len(poses) - 1):
+        (ax, ay, ath), (bx, by, bth) = poses[i], poses[i + 1]
         joined(world, space.kind, space.radius, space.reverse, ax, ay, ath, bx, by, bth, steps)
         for step in steps:
             if step.any():

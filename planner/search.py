@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from drives.se2 import Pose, compose
+from drives.se2 import Array, Pose, compose
 from planner.collision import RADIUS, REACH
 from planner.connect import Connector
 from planner.edges import CURVE, LINE
@@ -26,29 +26,41 @@ from planner.path import Path, as_path, merge
 from planner.problem import Environment
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
-from planner.rrt import Space, chain, driven, grow, roomier, rooted, seeded
+from planner.rrt import CHECKED, Space, driven, grow, roomier, rooted, seeded
 
 __all__ = ["Search"]
 
 ou.setLogLevel(ou.LOG_NONE)
 
+Area: TypeAlias = tuple[float, float, float, float]
+"""x_min, y_min, x_max, y_max, m, world frame."""
+
+_Grown: TypeAlias = tuple[Space, Array, Array]
+"""Where RRTConnect's trees grow, and their roots."""
+
+_CONNECT, _ROADMAP = "RRTConnect", "roadmap"
+
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    ("RRTConnect", 600, False),
-    ("RRTConnect", 2_000, True),
-    ("RRTConnect", 2_000, True),
+    (_CONNECT, 600, False),
+    (_CONNECT, 2_000, True),
+    (_CONNECT, 2_000, True),
     ("BKPIECE1", 4_000, False),
-    ("RRTConnect", 16_000, True),
-    ("RRTConnect", 16_000, False),
+    (_CONNECT, 16_000, True),
+    (_CONNECT, 16_000, False),
     ("BKPIECE1", 16_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
 _REPEATED = 3
-_ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
-_SHARE, _AROUND, _REACHES, _TURNS_OFF, _CHUNK = 0.2, 0.5, 8.0, 4.0, 256
+_SHARE, _WIDER, _REACHES = 0.2, 0.5, 6.0
+"""Of RRTConnect without a route: the longest motion, over the diagonal of where poses are drawn; and how far
+these are off start and goal at most, the first time: a share of how far these are apart, and so many reaches of
+the footprint and turning radii."""
+_CHUNK = 256
+"""Motions that are checked between two looks at the clock."""
 _NO_ROUTE = np.zeros((0, 5)), np.zeros(9)
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
@@ -109,8 +121,9 @@ class Search:
             path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
                 name = _ROADMAP
-            elif name == "RRTConnect":
-                path = self._connect(self.seed + turn - 1, work, clock, route, goal, near=turn == 1)
+            elif name == _CONNECT:
+                grown = self._around(turn == 1) if route is None else self._beside(route, goal)
+                path = self._connect(self.seed + turn - 1, work, clock, grown)
             else:
                 path = self._solve(name, self.seed + turn - 1, work, clock)
             if path is not None:
@@ -121,7 +134,7 @@ class Search:
 
     def another(self, clock: Any) -> Path | None:
         """A way found as the first one is, by other draws."""
-        return self._connect(self.seed + len(_TURNS), _TURNS[0][1], clock, None, self.goals[0], near=True)
+        return self._connect(self.seed + len(_TURNS), _TURNS[0][1], clock, self._around(True))
 
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
@@ -148,63 +161,68 @@ class Search:
         """Whether headings follow the route: those that need not do so by turns."""
         return self.connector.steers or turn % 2 == 1
 
-    def _connect(self, seed: int, work: int, clock: Any, route: Route | None, goal: Pose, near: bool) -> Path | None:
-        """RRTConnect, along a route or, where there is none, in the area or only near start and goals."""
-        law = self.connector.law
-        if route is None:
-            x_min, y_min, x_max, y_max = self._near() if near else self.area
-            low, high = np.array([x_min, y_min, -math.pi]), np.array([x_max, y_max, math.pi])
-            starts, goals = [self.start], list(self.goals)
-            stride = _SHARE * math.dist(low[:2], high[:2])
-            legs, shape = _NO_ROUTE
-        else:
-            beyond, beside = _BEYOND * route.reach, route.beside
-            low = np.array([-beyond, -beside, -math.pi])
-            high = np.array([route.length + beyond, beside, math.pi])
-            starts = [route.coordinates(self.start, 0.0)]
-            goals = [route.coordinates(goal, route.length)]
-            stride = max(_STRIDE * route.reach, _LEAST * route.length)
-            legs, shape = route.legs, route.shape
-        turn = law.radius if law.kind == CURVE else float(self.connector.world.kernel[REACH])
-        space = Space(legs, shape, low, high, turn, stride, law.kind, law.radius, law.reverse)
-        trees = rooted(space, np.array(starts), np.array(goals))
+    def _connect(self, seed: int, work: int, clock: Any, grown: _Grown) -> Path | None:
+        """RRTConnect, its trees grown from these roots."""
+        space, start, goals = grown
+        world = self.connector.world.kernel
+        trees = rooted(start, goals, 2 * _CHUNK)
         seeded(seed % 2**32)
         met = False
         for _ in range(0, work, _CHUNK):
-            met = grow(self.connector.world.kernel, space, trees, _CHUNK)
-            if met or self._is_spent(int(trees.counts[3])) or clock():
+            met = grow(world, space, trees, _CHUNK)
+            if met or self._is_spent(int(trees.counts[CHECKED])) or clock():
                 break
-            trees = roomier(trees, _CHUNK)
-        checked = int(trees.counts[3])
+            trees = roomier(trees, 2 * _CHUNK)
+        checked = int(trees.counts[CHECKED])
         self.work += checked
-        self._tell("RRTConnect", route is not None, seed, checked, met)
+        self._tell(_CONNECT, len(space.legs) > 0, seed, checked, met)
         if not met:
             return None
-        poses = chain(trees)
-        return as_path(np.array(self.start), driven(self.connector.world.kernel, space, poses), law.kind == LINE)
+        return as_path(np.array(self.start), driven(world, space, trees), space.kind == LINE)
 
-    def _near(self) -> tuple[float, float, float, float]:
+    def _around(self, near: bool) -> _Grown:
+        """RRTConnect's trees in the area, or in so much of it as is near start and goals."""
+        x_min, y_min, x_max, y_max = self._near() if near else self.area
+        low, high = np.array([x_min, y_min, -math.pi]), np.array([x_max, y_max, math.pi])
+        start, goals = np.array(self.start * 2), np.array([goal * 2 for goal in self.goals])
+        return self._grown(*_NO_ROUTE, low, high, _SHARE * math.dist(low[:2], high[:2])), start, goals
+
+    def _beside(self, route: Route, goal: Pose) -> _Grown:
+        """RRTConnect's trees in a route's coordinates."""
+        beyond, beside = _BEYOND * route.reach, route.beside
+        low = np.array([-beyond, -beside, -math.pi])
+        high = np.array([route.length + beyond, beside, math.pi])
+        stride = max(_STRIDE * route.reach, _LEAST * route.length)
+        start = np.array([*route.coordinates(self.start, 0.0), *self.start])
+        goals = np.array([[*route.coordinates(goal, route.length), *goal]])
+        return self._grown(route.legs, route.shape, low, high, stride), start, goals
+
+    def _grown(self, legs: Array, shape: Array, low: Array, high: Array, stride: float) -> Space:
+        law = self.connector.law
+        turn = law.radius if law.kind == CURVE else self._reach
+        return Space(legs, shape, low, high, turn, stride, law.kind, law.radius, law.reverse)
+
+    def _near(self) -> Area:
         """The area round start and goals, or what there is of it."""
         ends = np.array([self.start, *self.goals])[:, :2]
         low, high = ends.min(0), ends.max(0)
-        kernel = self.connector.world.kernel
-        beyond = _AROUND * math.dist(low, high) + _REACHES * float(kernel[REACH] + kernel[RADIUS]) + _TURNS_OFF * self.connector.turning_radius
+        beyond = _WIDER * math.dist(low, high) + _REACHES * (self._reach + self.connector.turning_radius)
+        (x0, y0), (x1, y1) = (low - beyond).tolist(), (high + beyond).tolist()
         x_min, y_min, x_max, y_max = self.area
-        return (
-            max(x_min, float(low[0]) - beyond),
-            max(y_min, float(low[1]) - beyond),
-            min(x_max, float(high[0]) + beyond),
-            min(y_max, float(high[1]) + beyond),
-        )
+        return max(x_min, x0), max(y_min, y0), min(x_max, x1), min(y_max, y1)
+
+    @property
+    def _reach(self) -> float:
+        """How far the footprint reaches, m."""
+        world = self.connector.world.kernel
+        return float(world[REACH] + world[RADIUS])
 
     def _solve(self, name: str, seed: int, work: int, clock: Any) -> Path | None:
         # Before anything of OMPL's is built: that is what makes a plan repeatable.
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
         information = ob.SpaceInformation(self._space())
         world = self.connector.world
-        information.setStateValidityChecker(
-            lambda s: world.is_free(Pose(s.getX(), s.getY(), s.getYaw()))
-        )
+        information.setStateValidityChecker(lambda s: world.is_free(Pose(s.getX(), s.getY(), s.getYaw())))
         validator = _Validator(information, self.connector)
         information.setMotionValidator(validator)
         information.setup()
@@ -215,8 +233,7 @@ class Search:
             goals.addState(_state(information, end))
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
-        reach = float(world.kernel[REACH] + world.kernel[RADIUS])
-        planner.setRange(max(_STEP * reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
+        planner.setRange(max(_STEP * self._reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -263,7 +280,7 @@ class Search:
         return merge(pieces)
 
 
-def _area(environment: Environment) -> tuple[float, float, float, float]:
+def _area(environment: Environment) -> Area:
     """x_min, y_min, x_max, y_max (m, world frame) around where poses may be."""
     layer, bounds = environment.map, environment.bounds
     box = (-math.inf, -math.inf, math.inf, math.inf)
