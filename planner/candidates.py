@@ -39,7 +39,7 @@ _PATIENCE = 180
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
 _DETOUR = 1.3
-"""How much longer than the crow flies a way is where another is looked for, at effort first."""
+"""At effort first, how much longer than the crow flies a way is where others are looked for."""
 _HOPE = 0.92
 """Share of its flowing time that a motion may take once it is optimized, where the best so far turns
 back."""
@@ -182,9 +182,9 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
                 break
             path = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
-            if options.effort == "first" and is_detour(path) and (other := search.another(watch.is_over)):
-                watch.lap("search")
-                path = min(path, shorten(other, local, quick=True), key=local.duration)
+            if options.effort == "first" and is_detour(path):
+                others = [shorten(other, local, quick=True) for other in search.others(watch.is_over)]
+                path = min([path, *others], key=local.duration)
                 watch.lap("shorten")
         try:
             timed = time_path(path, robot.drive, robot.limits, problem.steering)

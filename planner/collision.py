@@ -105,7 +105,7 @@ def field_bounds(world: World, x: float, y: float) -> tuple[float, float]:
 
 @kernel
 def surely_hits(world: World, x: float, y: float, theta: float) -> bool:
-    """Whether the field alone tells that the footprint at a client's pose is not clear; false says nothing."""
+    """Whether the field alone tells that the footprint at a client's pose hits; false says nothing."""
     px, py, heading = to_local(world, x, y, theta)
     heading = footprint_heading(world, heading)
     px, py = _inner(world, px, py, math.cos(heading), math.sin(heading))
@@ -115,7 +115,7 @@ def surely_hits(world: World, x: float, y: float, theta: float) -> bool:
         return False
     off = step * math.sqrt((i - int(i) - 0.5) ** 2 + (j - int(j) - 0.5) ** 2)
     d = world[int(world[FIELD] + int(i) * world[COLUMNS]) + int(j)]
-    return d + off < world[INNER_RADIUS] + world[RADIUS] + world[MIN_CLEARANCE]
+    return bool(d + off < world[INNER_RADIUS] + world[RADIUS] + world[MIN_CLEARANCE])
 
 
 @kernel

@@ -53,8 +53,8 @@ LINE, PIVOT, CURVE = 0, 1, 2
 """Straight lines in SE(2); turns on the spot and straights; words of Dubins, or of Reeds and Shepp."""
 
 _PROBES, _FAR = 16, 4.0
-"""How many poses on a step are looked at, at most, before all of it is; and how far apart they may be, in radii
-of the largest disc inside the footprint."""
+"""How many poses on a step are looked at, at most, before all of it is; and how far apart they may be, in
+radii of the largest disc inside the footprint."""
 
 OVERLAPPING = 0.5
 """Share of the time to steer, or to turn on the spot, that is lost where the robot drives
@@ -67,10 +67,10 @@ NOTHING = 1e-9
 class Law(NamedTuple):
     """How a robot moves, for compiled code.
 
-    kind: LINE, PIVOT or CURVE; reverse, flows, radius (m): its Connector's. pace: see planner.estimate. speed,
-    push (2,): largest speed and acceleration on straights and on curves, where there are any. lean m: its
-    steering stands at atan(lean·curvature). slowness s: of steering by 1 rad. reversal s: of a change of
-    direction, beside the time of the motions before and after it.
+    kind: LINE, PIVOT or CURVE; reverse, flows, radius (m): its Connector's. pace: see planner.estimate. Of
+    curves: speed, push (2,), the largest speed and acceleration on straights and on them; lean m, steering
+    stands at atan(lean·curvature); slowness s, of steering by 1 rad. reversal s: of a change of direction,
+    beside the time of the motions before and after it.
     """
 
     kind: int
@@ -297,7 +297,8 @@ def motions_free(world: World, start: Array, steps: Array, straight: bool) -> ND
 
 @kernel
 def curve(
-    ax: float, ay: float, ath: float, bx: float, by: float, bth: float, radius: float, reverse: bool, steps: Array
+    ax: float, ay: float, ath: float, bx: float, by: float, bth: float, radius: float, reverse: bool,
+    steps: Array,
 ) -> None:  # fmt: skip
     """The shortest word from a to b, into steps (SEGMENTS, 3)."""
     c, s = math.cos(ath), math.sin(ath)

@@ -38,8 +38,8 @@ _SHARE, _ACROSS = 0.7, 3000
 _LATTICES = ((2, False), (1, False), (1, True))
 """Lattices, tried in turn: how much coarser than that spacing, and whether nodes keep off the walls."""
 _CLEAR = 0.85
-"""Of a way over a coarse one, the least room that there must be between its nodes, over the disc's radius; over
-a fine one there always is about as much."""
+"""The least room that there must be all along a way over a coarse one, over the disc's radius: about as much
+as there always is between the nodes of a fine one."""
 _SAME = 0.02
 """Share of the disc's radius by which a passage may widen and still be as narrow as anywhere."""
 _LEAD = 12.0
@@ -57,7 +57,7 @@ class Guide:
         self._point = float(world[INNER_X]), float(world[INNER_Y])
         self._ends = [body_point(world, pose, *self._point) for pose in (start, goal)]
         self._spacing = max(_SHARE * self._radius, math.dist(*self._ends) / _ACROSS)
-        self._lattices = _LATTICES
+        self._lattices = list(_LATTICES)
         self._used: list[Array] = []
 
     def route(self, along: bool, backwards: bool = True) -> Route | None:

@@ -21,7 +21,7 @@ _BESIDE = 2.0
 """Room for poses beside a route, in reaches of the footprint."""
 
 # Of a route's shape: the point; the fixed heading or nan; the start's; whether headings go along; how far off
-# the nearest of those favoured they may be; the share and the power of draws; how far off the way poses may be.
+# those favoured they may be; the share and the power of draws; how far off the way poses may be.
 _X, _Y, _FIXED, _START, _ALONG, _MOST, _ON, _POWER, _OFF = range(9)
 
 

@@ -1,8 +1,8 @@
-"""RRTConnect (Kuffner and LaValle, 2000), compiled: one tree of motions from the start and one from the goals,
-until they meet.
+"""RRTConnect (Kuffner and LaValle, 2000), compiled: a tree of motions from the start and one from the goals
+grow until they meet.
 
-Trees grow in coordinates: of poses themselves, or of a Route. Draws are the compiled code's own, from a seed;
-what is found depends on that and on nothing else.
+They grow in coordinates: of poses themselves, or of a Route. Which node is nearest is told by the distance of
+coordinates, of curves, too: their lengths take longer to tell and lead no sooner to the goal.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ from planner.edges import CURVE, curve, joined, moved
 from planner.route import route_pose
 from planner.tree import kernel
 
-__all__ = ["CHECKED", "Space", "Trees", "driven", "grow", "roomier", "rooted", "seeded"]
+__all__ = ["CHECKED", "Space", "Trees", "driven", "grow", "roomier", "rooted"]
 
 # Of the counts of trees.
 _NEXT, CHECKED, _MET = 2, 3, 4
 
 
 class Space(NamedTuple):
-    """Where trees grow. legs, shape: of a Route; legs (0, 5): coordinates are poses. low, high (3,): what is
-    drawn. turn: how far a radian is. stride: how far apart coordinates may be that a motion joins. kind, radius,
-    reverse: see planner.edges.joined."""
+    """Where trees grow.
+
+    legs, shape: of a Route; legs (0, 5): coordinates are poses. low, high (3,): what is drawn. turn: how far
+    a radian is. stride: how far apart coordinates may be that a motion joins. kind, radius, reverse: see
+    planner.edges.joined.
+    """
 
     legs: Array
     shape: Array
@@ -69,12 +72,6 @@ def roomier(trees: Trees, more: int) -> Trees:
     missing = max(missing, nodes.shape[1])
     nodes = np.concatenate([nodes, np.empty((2, missing, 6))], axis=1)
     return Trees(nodes, np.concatenate([parents, np.full((2, missing), -1)], axis=1), counts)
-
-
-@kernel
-def seeded(seed: int) -> None:
-    """Begin the draws anew."""
-    np.random.seed(seed)
 
 
 @kernel
@@ -171,7 +168,7 @@ def _extended(
 
 
 @kernel
-def grow(world: World, space: Space, trees: Trees, work: int) -> bool:
+def grow(world: World, space: Space, trees: Trees, random: np.random.Generator, work: int) -> bool:
     """Whether the trees have met; they grow until then, or until about so many motions have been checked, or
     twenty times as many draws, or there is no more room for nodes."""
     counts = trees.counts
@@ -180,9 +177,9 @@ def grow(world: World, space: Space, trees: Trees, work: int) -> bool:
     for _ in range(20 * work):
         if counts[CHECKED] >= end or max(counts[0], counts[1]) + 1 >= room:
             return False
-        x = np.random.uniform(space.low[0], space.high[0])
-        y = np.random.uniform(space.low[1], space.high[1])
-        theta = np.random.uniform(space.low[2], space.high[2])
+        x = random.uniform(space.low[0], space.high[0])
+        y = random.uniform(space.low[1], space.high[1])
+        theta = random.uniform(space.low[2], space.high[2])
         px, py, heading = _pose(space, x, y, theta)
         if not pose_free(world, px, py, heading):
             continue

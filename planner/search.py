@@ -26,7 +26,7 @@ from planner.path import Path, as_path, merge
 from planner.problem import Environment
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
-from planner.rrt import CHECKED, Space, driven, grow, roomier, rooted, seeded
+from planner.rrt import CHECKED, Space, driven, grow, roomier, rooted
 
 __all__ = ["Search"]
 
@@ -57,8 +57,10 @@ _EVERY, _REACH, _WAYS = 1.5, 8, 2
 further a motion may lead, and how many ways of joining two are tried."""
 _SHARE, _WIDER, _REACHES = 0.2, 0.5, 6.0
 """Of RRTConnect without a route: the longest motion, over the diagonal of where poses are drawn; and how far
-these are off start and goal at most, the first time: a share of how far these are apart, and so many reaches of
-the footprint and turning radii."""
+these are off start and goal at most, the first time: a share of how far these are apart, and so many reaches
+of the footprint and turning radii."""
+_OTHERS = 2
+"""Other ways beside the first one."""
 _CHUNK = 256
 """Motions that are checked between two looks at the clock."""
 _NO_ROUTE = np.zeros((0, 5)), np.zeros(9)
@@ -84,6 +86,7 @@ class Search:
     """OMPL on one problem: every call of `paths` looks for more ways from the start to one of the goals.
 
     goals: at least one, all free, as the start is. Poses are sampled in the bounds and the map's outline.
+    doubt: called where the first, short search fails, and may raise.
     """
 
     def __init__(
@@ -132,9 +135,12 @@ class Search:
             elif turn == 1:
                 self.doubt()
 
-    def another(self, clock: Any) -> Path | None:
-        """A way found as the first one is, by other draws."""
-        return self._connect(self.seed + len(_TURNS), _TURNS[0][1], clock, self._around(True))
+    def others(self, clock: Any) -> Iterator[Path]:
+        """Ways found as the first one is, by other draws: a few."""
+        for k in range(len(_TURNS), len(_TURNS) + _OTHERS):
+            path = self._connect(self.seed + k, _TURNS[0][1], clock, self._around(True))
+            if path is not None:
+                yield path
 
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
@@ -166,10 +172,10 @@ class Search:
         space, start, goals = grown
         world = self.connector.world.kernel
         trees = rooted(start, goals, 2 * _CHUNK)
-        seeded(seed % 2**32)
+        random = np.random.default_rng(seed % 2**64)
         met = False
         for _ in range(0, work, _CHUNK):
-            met = grow(world, space, trees, _CHUNK)
+            met = grow(world, space, trees, random, _CHUNK)
             if met or self._is_spent(int(trees.counts[CHECKED])) or clock():
                 break
             trees = roomier(trees, 2 * _CHUNK)
