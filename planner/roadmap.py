@@ -46,7 +46,8 @@ def quickest_steps(
     motions of a law, and whether there is one.
 
     poses (n, 3), and the station (n,) that each is at: 0, 1, 1, 2, … in order, the first and the last
-    alone at theirs. reach: how many stations further a motion may lead. ways: how many of each pair are tried.
+    alone at theirs. reach: how many stations further a motion may lead. ways: how many of each pair are
+    tried.
     begin, own, place: a free path that leads by the first pose at each station: its steps own (m, 3), where
     these begin, begin (m, 3), and which of those begins (stations,) are the stations; empty: there is none.
     """

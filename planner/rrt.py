@@ -124,25 +124,6 @@ def _towards(
 
 
 @kernel
-def _add(
-    trees: Trees,
-    tree: int,
-    s: float,
-    left: float,
-    angle: float,
-    x: float,
-    y: float,
-    theta: float,
-    parent: int,
-) -> None:
-    k = trees.counts[tree]
-    node = trees.nodes[tree, k]
-    node[0], node[1], node[2], node[3], node[4], node[5] = s, left, angle, x, y, theta
-    trees.parents[tree, k] = parent
-    trees.counts[tree] += 1
-
-
-@kernel
 def _extended(
     world: World, space: Space, trees: Trees, tree: int, x: float, y: float, theta: float, steps: Array
 ) -> tuple[bool, bool]:
@@ -163,14 +144,18 @@ def _extended(
     else:
         free = joined(world, space.kind, space.radius, space.reverse, px, py, heading, ax, ay, ath, steps)
     if free:
-        _add(trees, tree, x, y, theta, px, py, heading, near)
+        k = trees.counts[tree]
+        node = trees.nodes[tree, k]
+        node[0], node[1], node[2], node[3], node[4], node[5] = x, y, theta, px, py, heading
+        trees.parents[tree, k] = near
+        trees.counts[tree] += 1
     return free, free and reached
 
 
 @kernel
 def grow(world: World, space: Space, trees: Trees, random: np.random.Generator, work: int) -> bool:
-    """Whether the trees have met; they grow until then, or until about so many motions have been checked, or
-    twenty times as many draws, or there is no more room for nodes."""
+    """Whether the trees have met; they grow until then, or until about so many motions have been checked,
+    twenty times as many poses drawn, or there is no more room for nodes."""
     counts = trees.counts
     steps = np.empty((SEGMENTS, 3))
     end, room = counts[CHECKED] + work, trees.nodes.shape[1]

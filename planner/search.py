@@ -41,7 +41,7 @@ _Grown: TypeAlias = tuple[Space, Array, Array]
 _CONNECT, _ROADMAP = "RRTConnect", "roadmap"
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    (_CONNECT, 600, False),
+    (_CONNECT, 768, False),
     (_CONNECT, 2_000, True),
     (_CONNECT, 2_000, True),
     ("BKPIECE1", 4_000, False),
@@ -83,7 +83,7 @@ class _Validator(ob.MotionValidator):  # type: ignore[misc]
 
 
 class Search:
-    """OMPL on one problem: every call of `paths` looks for more ways from the start to one of the goals.
+    """Searches on one problem: every call of `paths` looks for more ways from the start to one of the goals.
 
     goals: at least one, all free, as the start is. Poses are sampled in the bounds and the map's outline.
     doubt: called where the first, short search fails, and may raise.
@@ -174,8 +174,8 @@ class Search:
         trees = rooted(start, goals, 2 * _CHUNK)
         random = np.random.default_rng(seed % 2**64)
         met = False
-        for _ in range(0, work, _CHUNK):
-            met = grow(world, space, trees, random, _CHUNK)
+        for begin in range(0, work, _CHUNK):
+            met = grow(world, space, trees, random, min(_CHUNK, work - begin))
             if met or self._is_spent(int(trees.counts[CHECKED])) or clock():
                 break
             trees = roomier(trees, 2 * _CHUNK)

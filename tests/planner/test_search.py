@@ -132,6 +132,48 @@ def test_no_time_no_turn(ask: Ask, clutter: Environment) -> None:
     assert asked.tried == []
 
 
+@pytest.mark.parametrize("kind", ["differential", "omni", "ackermann"])
+def test_others_are_free_and_not_the_same(ask: Ask, clutter: Environment, kind: str) -> None:
+    problem = ask(kind, START, GOAL, clutter)
+    asked = search(problem, GOAL)
+    found = [*first(asked, 1), *asked.others(lambda: False)]
+    assert len(found) == 3
+    assert len(set(found)) == 3
+    for path in found:
+        assert joins(path, problem.start, [Pose(*GOAL)])
+        assert is_free(problem, path)
+
+
+@pytest.mark.parametrize("kind", ["differential", "omni", "ackermann"])
+def test_a_short_way_takes_no_more_work_on_a_larger_floor(ask: Ask, clutter: Environment, kind: str) -> None:
+    wide = Environment(Bounds(-500.0, -500.0, 500.0, 500.0), clutter.obstacles)
+    wider = Environment(Bounds(-5000.0, -5000.0, 5000.0, 5000.0), clutter.obstacles)
+    worked = []
+    for environment in (wide, wider):
+        asked = search(ask(kind, START, GOAL, environment), GOAL)
+        first(asked, 1)
+        worked.append(asked.work)
+    assert worked[0] == worked[1] < 768
+
+
+def test_doubts_are_told_after_the_first_search_failed(ask: Ask, clutter: Environment) -> None:
+    class Separated(Exception):
+        pass
+
+    def doubt() -> None:
+        raise Separated
+
+    problem = ask("omni", (-2.0, -2.0, 0.0), (0.0, 0.0, 0.0), box())
+    asked = search(problem, (0.0, 0.0, 0.0))
+    asked.doubt = doubt
+    with pytest.raises(Separated):
+        next(asked.paths(lambda: False))
+    assert len(asked.tried) == 1
+    asked = search(ask("omni", START, GOAL, clutter), GOAL)
+    asked.doubt = doubt
+    next(asked.paths(lambda: False))
+
+
 # ---------------------------------------------------------------- shortening
 
 
