@@ -41,7 +41,7 @@ _Grown: TypeAlias = tuple[Space, Array, Array]
 _CONNECT, _ROADMAP = "RRTConnect", "roadmap"
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    (_CONNECT, 768, False),
+    (_CONNECT, 512, False),
     (_CONNECT, 2_000, True),
     (_CONNECT, 2_000, True),
     ("BKPIECE1", 4_000, False),
@@ -136,9 +136,12 @@ class Search:
                 self.doubt()
 
     def others(self, clock: Any) -> Iterator[Path]:
-        """Ways found as the first one is, by other draws: a few."""
+        """A few ways found as the first one was, by other draws, where that was at once: by twice its work."""
+        if len(self.tried) > 1:
+            return
+        work = 2 * self.work
         for k in range(len(_TURNS), len(_TURNS) + _OTHERS):
-            path = self._connect(self.seed + k, _TURNS[0][1], clock, self._around(True))
+            path = self._connect(self.seed + k, work, clock, self._around(True))
             if path is not None:
                 yield path
 

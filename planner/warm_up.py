@@ -14,6 +14,7 @@ from planner.environment import CollisionWorld
 from planner.guide import Guide
 from planner.plan import plan
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Polygon, Problem, Robot
+from planner.route import route_poses
 
 __all__ = ["warm_up"]
 
@@ -47,4 +48,6 @@ def warm_up() -> None:
         world = CollisionWorld.build(around, footprint)
         goal = Pose(2.0, 0.0, 0.5)
         connector(problem.robot, world, problem.options).edge_free(problem.start, goal)
-        Guide(world.kernel, problem.start, goal).route(along=True)
+        route = Guide(world.kernel, problem.start, goal).route(along=True)
+        assert route is not None
+        route_poses(route.legs, route.shape, 2, 0.0)
