@@ -136,7 +136,7 @@ class Search:
                 self.doubt()
 
     def others(self, clock: Any) -> Iterator[Path]:
-        """A few ways found as the first one was, by other draws, where that was at once: by twice its work."""
+        """A few ways found as the first was, by other draws, where that was at once: by twice its work."""
         if len(self.tried) > 1:
             return
         work = 2 * self.work
