@@ -142,8 +142,9 @@ def _goals(problem: Problem, world: CollisionWorld) -> list[Pose]:
 
 
 def _check(which: Any, pose: Pose, world: CollisionWorld, min_clearance: float) -> None:
-    if not world.contained(pose):
-        raise PoseOutOfBounds(which, f"the footprint at the {which} leaves the bounds or the map", pose)
+    if (beyond := world.beyond(pose)) > 0:
+        where = f"the footprint at the {which} leaves the bounds or the map by {beyond:.6g} m"
+        raise PoseOutOfBounds(which, where, pose)
     if not world.is_free(pose):
         clearance = float(world.clearance(np.array([pose]))[0])
         at = f"the footprint at the {which}"
