@@ -70,6 +70,10 @@ def candidates(
     """
     effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
+    search = Search(
+        local, problem.environment, problem.start, goals, problem.options.seed,
+        lambda: _refuse_if_separated(problem, local.world),
+    )  # fmt: skip
 
     def optimized(near: Candidate, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
         faster = by.faster(near.timed, rounds)
@@ -86,8 +90,8 @@ def candidates(
 
     if effort == "best":
         known: set[float] = set()
-        for near in _stopping(problem, local, goals, watch):
-            stopping = [near] if known else [near, *_plain(problem, local, goals, near, watch)]
+        for near in _stopping(problem, local, goals, search, watch):
+            stopping = [near] if known else [near, *_plain(problem, local, goals, near, search, watch)]
             stopping = _hastened(sorted(stopping, key=_duration), limits, watch)
             watch.lap("optimize")
             yield stopping
@@ -97,7 +101,7 @@ def candidates(
                 yield optimized(near, _BEST_ROUNDS) or bow(near)
             known.add(duration)
         return
-    stopping = list(_stopping(problem, local, goals, watch))
+    stopping = list(_stopping(problem, local, goals, search, watch))
     found, first = list(stopping), stopping[0]
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
@@ -115,7 +119,7 @@ def candidates(
                 if best is None or faster[0].timed.duration < best[0]:
                     best = faster[0].timed.duration, near
     if effort == "good" and (local.flows or first.planner != "direct"):
-        found += _plain(problem, local, goals, first, watch)
+        found += _plain(problem, local, goals, first, search, watch)
     found.sort(key=_duration)
     if effort == "good":
         found = _hastened(found, limits, watch)
@@ -146,13 +150,11 @@ def _duration(candidate: Candidate) -> float:
     return candidate.timed.duration
 
 
-def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
+def _stopping(
+    problem: Problem, local: Connector, goals: list[Pose], search: Search, watch: Stopwatch
+) -> Iterator[Candidate]:
     """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
     options, robot = problem.options, problem.robot
-    search = Search(
-        local, problem.environment, problem.start, goals, options.seed,
-        lambda: _refuse_if_separated(problem, local.world),
-    )  # fmt: skip
     count = searched = 0
     turns_back = True
     refused: LimitsInfeasible | None = None
@@ -178,22 +180,16 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             case "best":
                 return False
 
-    def is_detour(path: Path) -> bool:
-        crow = math.dist(path[0].start[:2], path[-1].end[:2])
-        return sum(piece.length for piece in path) > _DETOUR * crow
-
     for planner, path in ways():
         watch.lap("search")
         shorter = path
         if planner != "direct":
             if count and watch.is_over():
                 break
-            shorter = shorten(path, local, quick=options.effort == "first")
+            shorter = (
+                _quick(path, local, search, watch) if options.effort == "first" else shorten(path, local)
+            )
             watch.lap("shorten")
-            if options.effort == "first" and is_detour(path):
-                others = [shorten(other, local, quick=True) for other in search.others(watch.is_over)]
-                path = min([path, *others], key=local.duration)
-                watch.lap("shorten")
         try:
             timed = time_path(shorter, robot.drive, robot.limits, problem.steering)
             _refuse_if_endless(timed, options.sample_period)
@@ -220,8 +216,23 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
         )
 
 
+def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> Path:
+    """A way found, shortened for effort first; where it is a detour, the best of it and a few others."""
+    path = shorten(found, quick, quick=True)
+    crow = math.dist(path[0].start[:2], path[-1].end[:2])
+    if sum(piece.length for piece in path) <= _DETOUR * crow:
+        return path
+    others = [shorten(other, quick, quick=True) for other in search.others(watch.is_over)]
+    return min([path, *others], key=quick.duration)
+
+
 def _plain(
-    problem: Problem, local: Connector, goals: list[Pose], near: Candidate, watch: Stopwatch
+    problem: Problem,
+    local: Connector,
+    goals: list[Pose],
+    near: Candidate,
+    search: Search,
+    watch: Stopwatch,
 ) -> list[Candidate]:
     """What effort first makes of a way found, or of a direct one: others are the quickest once they flow, but
     not all of them can be made to."""
@@ -229,7 +240,7 @@ def _plain(
     quick = connector(robot, local.world, replace(problem.options, effort="first"))
     path = next(_direct(problem.start, quick, goals), None)
     planner = "direct" if path else near.planner
-    path = path or shorten(near.found, quick, quick=True)
+    path = path or _quick(near.found, quick, search, watch)
     watch.lap("shorten")
     try:
         timed = time_path(path, robot.drive, robot.limits, problem.steering)

@@ -111,10 +111,12 @@ class Search:
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
         turn, found = 0, False
-        while not clock() and not self._is_spent(0):
+        while not clock() and (self.allowance is None or self.work < self.allowance):
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
             work *= 2**again
+            if self.allowance is not None:
+                work = min(work, self.allowance - self.work)
             goal = self.goals[turn % len(self.goals)]
             route = self._guide(goal).route(self._along(turn), self.connector.reverse) if guided else None
             turn += 1
@@ -137,9 +139,9 @@ class Search:
 
     def others(self, clock: Any) -> Iterator[Path]:
         """A few ways found as the first was, by other draws, where that was at once: by twice its work."""
-        if len(self.tried) > 1:
+        if not self.tried or self.tried[0]["outcome"] != "solved":
             return
-        work = 2 * self.work
+        work = 2 * self.tried[0]["motions_checked"]
         for k in range(len(_TURNS), len(_TURNS) + _OTHERS):
             path = self._connect(self.seed + k, work, clock, self._around(True))
             if path is not None:
@@ -179,7 +181,7 @@ class Search:
         met = False
         for begin in range(0, work, _CHUNK):
             met = grow(world, space, trees, random, min(_CHUNK, work - begin))
-            if met or self._is_spent(int(trees.counts[CHECKED])) or clock():
+            if met or clock():
                 break
             trees = roomier(trees, 2 * _CHUNK)
         checked = int(trees.counts[CHECKED])
@@ -251,7 +253,7 @@ class Search:
             # Planners also spend work where they check no motion, such as on states that are not free.
             nonlocal asked
             asked += 1
-            if validator.count >= work or asked >= 20 * work or self._is_spent(validator.count):
+            if validator.count >= work or asked >= 20 * work:
                 return True
             return asked % 16 == 0 and bool(clock())
 
@@ -260,9 +262,6 @@ class Search:
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
         self._tell(name, False, seed, validator.count, exact)
         return self._rebuild(definition.getSolutionPath()) if exact else None
-
-    def _is_spent(self, more: int) -> bool:
-        return self.allowance is not None and self.work + more >= self.allowance
 
     def _space(self) -> Any:
         x_min, y_min, x_max, y_max = self.area
