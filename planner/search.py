@@ -38,27 +38,26 @@ Area: TypeAlias = tuple[float, float, float, float]
 
 _OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
 
-_CONNECT, _ROADMAP = "RRTConnect", "roadmap"
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    (_CONNECT, 150, False),
-    (_CONNECT, 2_000, True),
-    (_CONNECT, 2_000, True),
+    ("RRTConnect", 300, False),
+    ("RRTConnect", 2_000, True),
+    ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
-    (_CONNECT, 16_000, True),
-    (_CONNECT, 16_000, False),
+    ("RRTConnect", 16_000, True),
+    ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
 _REPEATED = 3
+_ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
-_SHARE, _WIDER, _REACHES = 0.2, 0.5, 6.0
-"""Of RRTConnect without a route: the longest motion, over the diagonal of where poses are drawn; and how far
-these are off start and goal at most, the first time: a share of how far these are apart, and so many reaches
-of the footprint and turning radii."""
+_WIDER, _REACHES = 0.5, 6.0
+"""How far off start and goal poses are drawn at most, the first time: a share of how far these are apart, and
+so many reaches of the footprint and turning radii."""
 _OTHERS = 2
 """Other ways beside the first one."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
