@@ -138,8 +138,10 @@ class Search:
                 self.doubt()
 
     def others(self, clock: Any) -> Iterator[Path]:
-        """Ways found as the first one is, by other draws: a few."""
-        name, work, _ = _TURNS[0]
+        """A few ways found as the first was, by other draws, where that was at once: by twice its work."""
+        if len(self.tried) > 1:
+            return
+        name, work = _TURNS[0][0], 2 * self.work
         for k in range(len(_TURNS), len(_TURNS) + _OTHERS):
             path = self._solve(name, self.seed + k, work, clock, None, self.goals[0], near=True)
             if path is not None:
