@@ -26,7 +26,6 @@ from planner.edges import (
     OVERLAPPING,
     PIVOT,
     Law,
-    all_joined,
     duration,
     joined,
     motions_between,
@@ -142,12 +141,6 @@ class Connector(ABC):
         """Whether the shortest motion from a to b is free: quick, for the inside of a search."""
         kind, reverse, _, radius = self.law[:4]
         return bool(joined(self.world.kernel, kind, radius, reverse, *a, *b, np.empty((SEGMENTS, 3))))
-
-    def edges_free(self, a: Array, b: Array) -> NDArray[np.bool_]:
-        """Whether the shortest motions from poses a (n, 3) to b are free, (n,)."""
-        kind, reverse, _, radius = self.law[:4]
-        free: NDArray[np.bool_] = all_joined(self.world.kernel, kind, radius, reverse, a, b)
-        return free
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         """All motions worth trying before any search."""

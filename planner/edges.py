@@ -37,7 +37,6 @@ __all__ = [
     "OVERLAPPING",
     "PIVOT",
     "Law",
-    "all_joined",
     "bound",
     "curve",
     "duration",
@@ -334,15 +333,3 @@ def joined(
         if motion_free(world, np.array([ax, ay, ath]), steps, False):
             return True
     return False
-
-
-@kernel
-def all_joined(
-    world: World, kind: int, radius: float, reverse: bool, a: Array, b: Array
-) -> NDArray[np.bool_]:
-    """joined of poses a (n, 3) and b: (n,)."""
-    free, steps = np.empty(len(a), np.bool_), np.empty((SEGMENTS, 3))
-    for k in range(len(a)):
-        (ax, ay, ath), (bx, by, bth) = a[k], b[k]
-        free[k] = joined(world, kind, radius, reverse, ax, ay, ath, bx, by, bth, steps)
-    return free

@@ -1,15 +1,16 @@
 """Problem → Path. The only file that imports ompl.
 
-RRTConnect is compiled (planner.rrt); OMPL's planners sample the state space (SE(2), Reeds–Shepp, Dubins) and
-grow their trees by a MotionValidator that asks the robot's own Connector. Either way the path is one of the
-Connector's motions, so what drives is what was checked. Planners take turns under limits of work, not of
-time, so that a seed names its path.
+OMPL's planners sample the state space (SE(2), Reeds–Shepp, Dubins) and grow their trees by a
+MotionValidator that asks the robot's own Connector; the path is then built again from the same Connector's
+motions, so what drives is what was checked. Planners take turns under limits of work, not of time, so that
+a seed names its path.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,15 +19,15 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from drives.se2 import Array, Pose, compose
-from planner.collision import RADIUS, REACH
+from planner.collision import RADIUS, REACH, pose_free
 from planner.connect import Connector
-from planner.edges import CURVE, LINE
+from planner.curves import SEGMENTS
+from planner.edges import LINE, joined
 from planner.guide import Guide
-from planner.path import Path, as_path, merge
+from planner.path import Path, as_path
 from planner.problem import Environment
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
-from planner.rrt import CHECKED, Space, driven, grow, roomier, rooted
 
 __all__ = ["Search"]
 
@@ -35,51 +36,55 @@ ou.setLogLevel(ou.LOG_NONE)
 Area: TypeAlias = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max, m, world frame."""
 
-_Grown: TypeAlias = tuple[Space, Array, Array]
-"""Where RRTConnect's trees grow, and their roots."""
+_OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
 
-_CONNECT, _ROADMAP = "RRTConnect", "roadmap"
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    (_CONNECT, 512, False),
-    (_CONNECT, 2_000, True),
-    (_CONNECT, 2_000, True),
+    ("RRTConnect", 300, False),
+    ("RRTConnect", 2_000, True),
+    ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
-    (_CONNECT, 16_000, True),
-    (_CONNECT, 16_000, False),
+    ("RRTConnect", 16_000, True),
+    ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
 _REPEATED = 3
+_ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
-_SHARE, _WIDER, _REACHES = 0.2, 0.5, 6.0
-"""Of RRTConnect without a route: the longest motion, over the diagonal of where poses are drawn; and how far
-these are off start and goal at most, the first time: a share of how far these are apart, and so many reaches
-of the footprint and turning radii."""
+_WIDER, _REACHES = 0.5, 6.0
+"""How far off start and goal poses are drawn at most, the first time: a share of how far these are apart, and
+so many reaches of the footprint and turning radii."""
 _OTHERS = 2
 """Other ways beside the first one."""
-_CHUNK = 256
-"""Motions that are checked between two looks at the clock."""
-_NO_ROUTE = np.zeros((0, 5)), np.zeros(9)
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
 
 
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
-    """Counts the motions it checks: that is how work is measured."""
+    """Counts the motions it checks: that is how work is measured. pose: of the body, of a state's numbers."""
 
-    def __init__(self, information: Any, connector: Connector) -> None:
+    def __init__(self, information: Any, connector: Connector, pose: _OfPose | None) -> None:
         super().__init__(information)
-        self.free = connector.edge_free
+        law = connector.law
+        self.pose, self.steps = pose, np.empty((SEGMENTS, 3))
+        self.motion = connector.world.kernel, law.kind, law.radius, law.reverse
         self.count = 0
 
     def checkMotion(self, a: Any, b: Any) -> bool:
         self.count += 1
-        return self.free(Pose(a.getX(), a.getY(), a.getYaw()), Pose(b.getX(), b.getY(), b.getYaw()))
+        return self.free(a, b, self.steps)
+
+    def free(self, a: Any, b: Any, steps: Array) -> bool:
+        """Whether the shortest motion between two states is; what it does is written into steps (k, 3)."""
+        ends = a.getX(), a.getY(), a.getYaw(), b.getX(), b.getY(), b.getYaw()
+        if self.pose is not None:
+            ends = *self.pose(*ends[:3]), *self.pose(*ends[3:])
+        return bool(joined(*self.motion, *ends, steps))
 
 
 class Search:
@@ -126,11 +131,8 @@ class Search:
             path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
                 name = _ROADMAP
-            elif name == _CONNECT:
-                grown = self._around(turn == 1) if route is None else self._beside(route, goal)
-                path = self._connect(self.seed + turn - 1, work, clock, grown)
             else:
-                path = self._solve(name, self.seed + turn - 1, work, clock)
+                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, near=turn == 1)
             if path is not None:
                 found = True
                 yield name, path
@@ -141,9 +143,9 @@ class Search:
         """A few ways found as the first was, by other draws, where that was at once: by twice its work."""
         if not self.tried or self.tried[0]["outcome"] != "solved":
             return
-        work = 2 * self.tried[0]["motions_checked"]
+        name, work = _TURNS[0][0], 2 * self.tried[0]["motions_checked"]
         for k in range(len(_TURNS), len(_TURNS) + _OTHERS):
-            path = self._connect(self.seed + k, work, clock, self._around(True))
+            path = self._solve(name, self.seed + k, work, clock, None, self.goals[0], near=True)
             if path is not None:
                 yield path
 
@@ -172,47 +174,6 @@ class Search:
         """Whether headings follow the route: those that need not do so by turns."""
         return self.connector.steers or turn % 2 == 1
 
-    def _connect(self, seed: int, work: int, clock: Any, grown: _Grown) -> Path | None:
-        """RRTConnect, its trees grown from these roots."""
-        space, start, goals = grown
-        world = self.connector.world.kernel
-        trees = rooted(start, goals, 2 * _CHUNK)
-        random = np.random.default_rng(seed % 2**64)
-        met = False
-        for begin in range(0, work, _CHUNK):
-            met = grow(world, space, trees, random, min(_CHUNK, work - begin))
-            if met or clock():
-                break
-            trees = roomier(trees, 2 * _CHUNK)
-        checked = int(trees.counts[CHECKED])
-        self.work += checked
-        self._tell(_CONNECT, len(space.legs) > 0, seed, checked, met)
-        if not met:
-            return None
-        return as_path(np.array(self.start), driven(world, space, trees), space.kind == LINE)
-
-    def _around(self, near: bool) -> _Grown:
-        """RRTConnect's trees in the area, or in so much of it as is near start and goals."""
-        x_min, y_min, x_max, y_max = self._near() if near else self.area
-        low, high = np.array([x_min, y_min, -math.pi]), np.array([x_max, y_max, math.pi])
-        start, goals = np.array(self.start * 2), np.array([goal * 2 for goal in self.goals])
-        return self._grown(*_NO_ROUTE, low, high, _SHARE * math.dist(low[:2], high[:2])), start, goals
-
-    def _beside(self, route: Route, goal: Pose) -> _Grown:
-        """RRTConnect's trees in a route's coordinates."""
-        beyond, beside = _BEYOND * route.reach, route.beside
-        low = np.array([-beyond, -beside, -math.pi])
-        high = np.array([route.length + beyond, beside, math.pi])
-        stride = max(_STRIDE * route.reach, _LEAST * route.length)
-        start = np.array([*route.coordinates(self.start, 0.0), *self.start])
-        goals = np.array([[*route.coordinates(goal, route.length), *goal]])
-        return self._grown(route.legs, route.shape, low, high, stride), start, goals
-
-    def _grown(self, legs: Array, shape: Array, low: Array, high: Array, stride: float) -> Space:
-        law = self.connector.law
-        turn = law.radius if law.kind == CURVE else self._reach
-        return Space(legs, shape, low, high, turn, stride, law.kind, law.radius, law.reverse)
-
     def _near(self) -> Area:
         """The area round start and goals, or what there is of it."""
         ends = np.array([self.start, *self.goals])[:, :2]
@@ -228,23 +189,40 @@ class Search:
         world = self.connector.world.kernel
         return float(world[REACH] + world[RADIUS])
 
-    def _solve(self, name: str, seed: int, work: int, clock: Any) -> Path | None:
+    def _solve(
+        self, name: str, seed: int, work: int, clock: Any, route: Route | None, goal: Pose, near: bool
+    ) -> Path | None:
         # Before anything of OMPL's is built: that is what makes a plan repeatable.
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
-        information = ob.SpaceInformation(self._space())
-        world = self.connector.world
-        information.setStateValidityChecker(lambda s: world.is_free(Pose(s.getX(), s.getY(), s.getYaw())))
-        validator = _Validator(information, self.connector)
+        area = self._near() if near else self.area
+        space = self._space(area) if route is None else self._beside(route)
+        pose = None if route is None else route.pose
+        information = ob.SpaceInformation(space)
+        world = self.connector.world.kernel
+
+        def is_free(state: Any) -> bool:
+            at = state.getX(), state.getY(), state.getYaw()
+            return bool(pose_free(world, *(at if pose is None else pose(*at))))
+
+        information.setStateValidityChecker(is_free)
+        validator = _Validator(information, self.connector, pose)
         information.setMotionValidator(validator)
         information.setup()
         definition = ob.ProblemDefinition(information)
-        definition.addStartState(_state(information, self.start))
+        start, ends = self.start, self.goals
+        if route is not None:
+            start = Pose(*route.coordinates(self.start, 0.0))
+            ends = [Pose(*route.coordinates(goal, route.length))]
+        definition.addStartState(_state(information, start))
         goals = ob.GoalStates(information)
-        for end in self.goals:
+        for end in ends:
             goals.addState(_state(information, end))
         definition.setGoal(goals)
         planner = getattr(og, name)(information)
-        planner.setRange(max(_STEP * self._reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
+        if route is not None:
+            planner.setRange(max(_STRIDE * route.reach, _LEAST * route.length))
+        elif name == "BKPIECE1":
+            planner.setRange(max(_STEP * self._reach, _LEAST * math.dist(area[:2], area[2:])))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -260,11 +238,11 @@ class Search:
         status = planner.solve(ob.PlannerTerminationCondition(stop))
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
-        self._tell(name, False, seed, validator.count, exact)
-        return self._rebuild(definition.getSolutionPath()) if exact else None
+        self._tell(name, route is not None, seed, validator.count, exact)
+        return self._rebuild(definition.getSolutionPath().getStates(), validator) if exact else None
 
-    def _space(self) -> Any:
-        x_min, y_min, x_max, y_max = self.area
+    def _space(self, area: Area) -> Any:
+        x_min, y_min, x_max, y_max = area
         match self.connector.state_space:
             case "SE2":
                 space = ob.SE2StateSpace()
@@ -275,17 +253,20 @@ class Search:
         space.setBounds(_bounds((x_min, x_max), (y_min, y_max)))
         return space
 
-    def _rebuild(self, found: Any) -> Path | None:
-        """The connector's own motions through the states of an OMPL path."""
-        pieces: list[Any] = []
-        here = self.start
-        for state in list(found.getStates())[1:]:
-            step = self.connector.connect(here, Pose(state.getX(), state.getY(), state.getYaw()))
-            if step is None:
-                return None
-            pieces += step
-            here = step[-1].end if step else here
-        return merge(pieces)
+    def _beside(self, route: Route) -> Any:
+        """The space of a route's coordinates."""
+        beyond, beside = _BEYOND * route.reach, route.beside
+        space = ob.SE2StateSpace()
+        space.setBounds(_bounds((-beyond, route.length + beyond), (-beside, beside)))
+        return space
+
+    def _rebuild(self, states: Sequence[Any], validator: _Validator) -> Path:
+        """The connector's motions through the states of a path, as they were checked."""
+        steps = np.empty((len(states) - 1, SEGMENTS, 3))
+        for k, (a, b) in enumerate(pairwise(states)):
+            validator.free(a, b, steps[k])
+        taken = steps.reshape(-1, 3)
+        return as_path(np.array(self.start), taken[taken.any(1)], self.connector.law.kind == LINE)
 
 
 def _area(environment: Environment) -> Area:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from benchmarks.search.mobilities import Mobility
 from benchmarks.search.scenes import Query, problem, world
-from drives.se2 import Array
+from drives.se2 import Array, Pose
 from planner.connect import connector
 from planner.environment import CollisionWorld
 from planner.errors import PlanningError
@@ -67,10 +67,11 @@ def in_legs(mobility: Mobility, query: Query, budget: float) -> float | None:
 
 
 def time_motions(mobility: Mobility, environment: Environment, a: Array, b: Array) -> float:
-    """Seconds that checking the motions from poses a (n, 3) to b takes, in compiled code as a search does."""
+    """Seconds that checking the motions from poses a (n, 3) to b takes, one by one as a search does."""
     free = CollisionWorld.build(environment, mobility.robot.footprint)
     joins = connector(mobility.robot, free, mobility.options)
-    joins.edges_free(a[:1], b[:1])
+    pairs = [(Pose(*p), Pose(*q)) for p, q in zip(a.tolist(), b.tolist(), strict=True)]
     begin = time.perf_counter()
-    joins.edges_free(a, b)
+    for p, q in pairs:
+        joins.edge_free(p, q)
     return time.perf_counter() - begin

@@ -41,7 +41,7 @@ def clock(looks: int) -> Callable[[], bool]:
 
 def first(asked: Search, count: int) -> list[Path]:
     """The first paths found, within a time that is ample but ends."""
-    end = time.monotonic() + 120.0  # kernels may have to be compiled first
+    end = time.monotonic() + 60.0
     found = [path for _, path in itertools.islice(asked.paths(lambda: time.monotonic() > end), count)]
     assert len(found) == count, asked.tried
     return found
@@ -156,7 +156,7 @@ def test_a_short_way_takes_no_more_work_on_a_larger_floor(ask: Ask, clutter: Env
         asked = search(ask(kind, START, GOAL, environment), GOAL)
         first(asked, 1)
         worked.append(asked.work)
-    assert worked[0] == worked[1] < 768
+    assert worked[0] == worked[1] < 300
 
 
 def test_doubts_are_told_after_the_first_search_failed(ask: Ask, clutter: Environment) -> None:
