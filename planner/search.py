@@ -40,7 +40,7 @@ _OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
 
 
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    ("RRTConnect", 300, False),
+    ("RRTConnect", 150, False),
     ("RRTConnect", 2_000, True),
     ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
