@@ -19,7 +19,8 @@ from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
-from planner.schedule import WheelSchedule
+from planner.rounding import rounded
+from planner.schedule import WheelSchedule, sample_times
 from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer", "is_far"]
@@ -37,6 +38,8 @@ _FAR = 0.5
 """Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
+_APART = 1e-6
+"""Share of the sample period that samples are apart at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ class Optimizer:
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
-                    made = hastened(made, limits)
+                    made = self._finished(made)
                     return made if made.duration < motion.duration else None
         knots = _knots(motion, limits, _SPACING)
         best = motion
@@ -97,7 +100,7 @@ class Optimizer:
         if runs is None and knots > WINDOW:
             runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
         made = None if runs is None else self._slowed(runs)
-        return None if made is None else hastened(made, self.problem.robot.limits)
+        return None if made is None else self._finished(made)
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
         found = None if self.is_over(self.longest) else self._in_corridor(guess, begin)
@@ -271,6 +274,23 @@ class Optimizer:
         except InadmissibleTwist:
             return None
         return Phases(drive, tuple(phases))
+
+    def _finished(self, motion: Phases) -> Phases:
+        """Retimed where jerk is limited; else steering rounded off where its rate jumps."""
+        steers = bool(self.problem.robot.drive.rolling_law().steered.any())
+        if self._is_jerk_limited or self._coordinates != "car" or not steers:
+            return hastened(motion, self.problem.robot.limits)
+        period = self.problem.options.sample_period
+        samples, begin = sample_times(motion.duration, period), 0.0
+        phases: list[Phase] = []
+        for phase in motion.phases:
+            end = begin + phase.duration
+            if isinstance(phase, Flowing):
+                inside = samples[(samples > begin + _APART * period) & (samples < end - _APART * period)]
+                phase = rounded(phase, np.concatenate([[0.0], inside - begin, [phase.duration]]))
+            phases.append(phase)
+            begin = end
+        return Phases(motion.drive, tuple(phases))
 
 
 def is_far(motion: Phases, limits: Limits, world: CollisionWorld) -> bool:
