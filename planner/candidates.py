@@ -94,6 +94,7 @@ def candidates(
         return
     stopping = list(_stopping(problem, local, goals, watch))
     found = list(stopping)
+    done: set[Candidate] = set()
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
         stopping.sort(key=lambda near: flowing_time(near.timed, limits))
@@ -107,6 +108,7 @@ def candidates(
                     break
             if faster := optimized(near, _GOOD_ROUNDS):
                 found += faster
+                done.add(near)
                 if best is None or faster[0].timed.duration < best[0]:
                     best = faster[0].timed.duration, near
     found.sort(key=_duration)
@@ -116,7 +118,8 @@ def candidates(
     yield found
     if effort == "good" and drive.settled is drive:
         patient = replace(optimizer, iterations=_PATIENCE)
-        for near in stopping[:_GOOD_TRIES]:
+        # What its check refuses would be found again.
+        for near in [near for near in stopping[:_GOOD_TRIES] if near not in done]:
             if not watch.is_over() and flowing_time(near.timed, limits) < _HASTE * near.timed.duration:
                 yield optimized(near, _GOOD_ROUNDS, patient)
 

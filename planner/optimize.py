@@ -12,7 +12,7 @@ import numpy as np
 
 from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
-from planner.corridor import half_planes
+from planner.corridor import cover, half_planes, hull
 from planner.environment import CollisionWorld
 from planner.guess import Coordinates, Guess, cruising, flowing, flowing_time, ramp_time, sampled
 from planner.horizon import WINDOW, State, receding
@@ -38,6 +38,8 @@ _FAR = 0.5
 """Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
+_HALVINGS = 6
+"""How exactly it is found how far a pose must be moved."""
 _APART = 1e-6
 """Share of the sample period that samples are apart at least."""
 
@@ -114,16 +116,45 @@ class Optimizer:
     def _in_corridor(self, guess: Guess, begin: State) -> Flowing | None:
         """The fastest free motion on the same side of all obstacles as a guess, whose poses are free."""
         poses, relaxed = _halved(guess.pose), True
+        centres, radius = cover(self._corners)
+        parts = [(centre[None], radius) for centre in centres]
         for spare in _SPARE:
-            planes = half_planes(self.world.kernel, poses[:-1], relaxed, spare)
+            planes = np.concatenate([
+                half_planes(self.world.kernel, corners, grown, poses[:-1], relaxed, spare)
+                for corners, grown in parts
+            ], 1)  # fmt: skip
             found = self._solve(guess, begin, planes)
-            if found is None or self._is_free(found):
+            if found is not None and self._is_free(found):
                 return found
+            if found is not None:
+                # Now beside the obstacles that the answer ran into.
+                poses, relaxed = self._backed(found.poses(_halved(found.time)), poses, spare), False
+            elif radius == 0.0:
+                break
             if self.is_over(self.longest):
                 break
-            # Now beside the obstacles that the answer ran into.
-            poses, relaxed = found.poses(_halved(found.time)), False
+            # And with no more room than the footprint takes.
+            parts, radius = [(self._corners, 0.0)], 0.0
         return None
+
+    def _backed(self, poses: Array, free: Array, spare: float) -> Array:
+        """Poses (n, 3), moved towards free ones to where they are free, with what of the room to spare those
+        have."""
+        needed = self.problem.options.min_clearance + spare
+        room = np.minimum(self.world.clearance(free), needed)
+        low, high = np.zeros(len(poses)), np.ones(len(poses))
+        share = high.copy()
+        for _ in range(_HALVINGS):
+            there = free + share[:, None] * (poses - free)
+            clear = self.world.clearance(there) >= room
+            low, high = np.where(clear, share, low), np.where(clear, high, share)
+            share = np.where(low < 1.0, (low + high) / 2, 1.0)
+        backed: Array = free + low[:, None] * (poses - free)
+        return backed
+
+    @cached_property
+    def _corners(self) -> Array:
+        return hull(self.problem.robot.footprint.vertices)
 
     def _is_free(self, motion: Flowing) -> bool:
         # Chords between poses: an arc strays from them by less than the certificate's tolerance, which has
