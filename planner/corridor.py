@@ -69,13 +69,13 @@ def half_planes(
     """
     fixed = not math.isnan(world[HEADING])
     m = len(corners)
-    points = 1 if fixed or m == 1 else 2
     x_min, x_max = corners[:, 0].min(), corners[:, 0].max()
     y_min, y_max = corners[:, 1].min(), corners[:, 1].max()
     middle = ((x_min + x_max) / 2, (y_min + y_max) / 2)
     along = 0 if x_max - x_min >= y_max - y_min else 1
     longer, shorter = max(x_max - x_min, y_max - y_min), min(x_max - x_min, y_max - y_min)
     halves = 2 if longer > _ELONGATED * shorter else 1
+    points = 1 if fixed else min(m, 2)
     planes = np.zeros((len(poses), 2 * halves * points, 5))
     planes[:, :, 4] = -1.0
     reach = radius + world[RADIUS] + world[MIN_CLEARANCE]
@@ -95,15 +95,9 @@ def half_planes(
                 distance, ax, ay, d = found[half, side]
                 if distance == np.inf:
                     continue
-                first = second = 0
-                least = least_but_one = np.inf
-                for k in range(m):
-                    value = ax * corners[k, 0] + ay * corners[k, 1]
-                    if value < least:
-                        second, least_but_one = first, least
-                        first, least = k, value
-                    elif value < least_but_one:
-                        second, least_but_one = k, value
+                towards = corners[:, 0] * ax + corners[:, 1] * ay
+                order = np.argsort(towards)
+                least = towards[order[0]]
                 needed = d + reach + room
                 if relaxed:
                     needed = min(needed, least - _HELD)
@@ -117,7 +111,7 @@ def half_planes(
                     if fixed:
                         row[4] -= least
                     else:
-                        row[2:4] = corners[second if point == 1 else first]
+                        row[2:4] = corners[order[point]]
     return planes
 
 

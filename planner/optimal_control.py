@@ -47,9 +47,9 @@ class Shape:
     """What a compiled solver is for: all else are its parameters.
 
     coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
-    to at every knot, and halfway to the next. jerk: whether wheel jerks are limited. given: what of the state
-    it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature. forward:
-    whether it must not go backwards.
+    to at every knot, and once between it and the next. jerk: whether wheel jerks are limited. given: what of
+    the state it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature.
+    forward: whether it must not go backwards.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -121,16 +121,19 @@ class Solver:
         """States (knots + 1, state) and controls (knots, size), or None.
 
         guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
-        rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
+        rates where jerk is limited, and the duration, which should be about 1, as should be lengths. Besides
+        Shape.parameters: planes (2 knots, planes, 5), at each knot and after it, and shares (knots,) of the
+        intervals, where those after a knot hold.
         """
         states, unit = self.shape.units
         guess, controls = guess / states, controls / unit
         given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
         planes = np.reshape(parameters["planes"], (self.shape.knots, -1))
+        own = np.column_stack([planes, parameters["shares"]])
         # Among obstacles a second try costs too much for what it seldom brings.
         for share in _EFFORT if self.shape.planes == 0 else _EFFORT[:1]:
             effort = share / max(float((controls**2).sum()), 1e-9)
-            found = self._program.solve(guess, controls, planes, np.concatenate([*given, [effort]]))
+            found = self._program.solve(guess, controls, own, np.concatenate([*given, [effort]]))
             if found is not None:
                 return found[0] * states, found[1] * unit
         return None
@@ -142,16 +145,17 @@ def solver(shape: Shape, iterations: int) -> Solver:
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
     x, u, effort = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("effort")
-    here, halfway = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
+    here, later = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
+    share = ca.SX.sym("t")
     unit, control = shape.units
     at, by = x * unit, u * control
-    after, between = motion.step(at, by)
+    after, between = motion.step(at, by, share)
     bends = [Rows(motion.bends(at), -1, 1)] if shape.given == "rest" else []
     stage = Stage(
-        x, u, ca.vertcat(here, halfway), ca.vertcat(*symbols.values(), effort),
+        x, u, ca.vertcat(here, later, share), ca.vertcat(*symbols.values(), effort),
         after=after / unit,
         cost=ca.sumsqr(u) * effort,
-        held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, halfway), 0, math.inf)],
+        held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, later), 0, math.inf)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
         later=[Rows(motion.speeds(at), -1, 1), Rows(motion.gaps(at, here), 0, math.inf)],
         last=[Rows(motion.speeds(at), -1, 1), Rows(motion.finish(at), 0, 0)],
@@ -175,8 +179,8 @@ _GAUSS = {
     3: ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18)),
 }
 """Points and weights of Gauss's rule, exact for polynomials of degree 2n - 1."""
-_HALF = (5 / 36 + 15**0.5 / 24, 2 / 9, 5 / 36 - 15**0.5 / 24)
-"""Weights of the three points for the integral over the first half."""
+_PARTS = np.linalg.inv(np.vander([a for a, _ in _GAUSS[3]], increasing=True)) / [[1], [2], [3]]
+"""Times (t, t², t³), weights of the three points for the integral up to t."""
 
 
 class _Motion:
@@ -204,8 +208,8 @@ class _Motion:
             case "car":
                 return q[0], 0, q[0] * q[1]
 
-    def step(self, x: Any, u: Any) -> tuple[Any, list[Any]]:
-        """The state at the next knot; the pose halfway there."""
+    def step(self, x: Any, u: Any, share: Any) -> tuple[Any, list[Any]]:
+        """The state at the next knot; the pose at a share of the way there."""
         h = x[-1] / self.shape.knots
         degree = self.shape.order * (2 if self.shape.coordinates == "car" else 1)
 
@@ -219,10 +223,11 @@ class _Motion:
             c, s = ca.cos(heading(a * h)), ca.sin(heading(a * h))
             ways.append(h * ca.vertcat(c * vx - s * vy, s * vx + c * vy))
         whole = sum(w * way for (_, w), way in zip(_GAUSS[3], ways, strict=True))
-        half = sum(w * way for w, way in zip(_HALF, ways, strict=True))
+        weights = ca.horzcat(share, share**2, share**3) @ ca.DM(_PARTS)
+        part = sum(w * way for w, way in zip(ca.horzsplit(weights), ways, strict=True))
         q, r = self._later(x, u, h)
         after = ca.vertcat(x[:2] + whole, heading(h), q, *([r] if self.shape.jerk else []), x[-1])
-        return after, [x[0] + half[0], x[1] + half[1], heading(h / 2)]
+        return after, [x[0] + part[0], x[1] + part[1], heading(share * h)]
 
     def begin(self, x: Any) -> list[Any]:
         """What is zero in the state to begin in."""

@@ -38,6 +38,8 @@ _FAR = 0.5
 """Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
+_INSIDE = np.linspace(0.1, 0.9, 9)
+"""Shares of intervals between knots at which it is seen how near obstacles are."""
 _HALVINGS = 6
 """How exactly it is found how far a pose must be moved."""
 _APART = 1e-6
@@ -73,7 +75,7 @@ class Optimizer:
         if is_far(motion, limits, self.world):
             knots = _knots(motion, limits, math.inf)
             guess = self._guess(motion, knots)
-            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
+            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)), np.full(knots, 0.5))
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
@@ -115,7 +117,8 @@ class Optimizer:
 
     def _in_corridor(self, guess: Guess, begin: State) -> Flowing | None:
         """The fastest free motion on the same side of all obstacles as a guess, whose poses are free."""
-        poses, relaxed = _halved(guess.pose), True
+        shares = np.full(len(guess.time) - 1, 0.5)
+        poses, relaxed = self._free(guess.pose, shares), True
         centres, radius = cover(self._corners)
         parts = [(centre[None], radius) for centre in centres]
         for spare in _SPARE:
@@ -123,12 +126,14 @@ class Optimizer:
                 half_planes(self.world.kernel, corners, grown, poses[:-1], relaxed, spare)
                 for corners, grown in parts
             ], 1)  # fmt: skip
-            found = self._solve(guess, begin, planes)
+            found = self._solve(guess, begin, planes, shares)
             if found is not None and self._is_free(found):
                 return found
             if found is not None:
                 # Now beside the obstacles that the answer ran into.
-                poses, relaxed = self._backed(found.poses(_halved(found.time)), poses, spare), False
+                shares = self._nearest(found)
+                there = found.poses(_between(found.time, shares))
+                poses, relaxed = self._backed(there, self._free(guess.pose, shares), spare), False
             elif radius == 0.0:
                 break
             if self.is_over(self.longest):
@@ -136,6 +141,21 @@ class Optimizer:
             # And with no more room than the footprint takes.
             parts, radius = [(self._corners, 0.0)], 0.0
         return None
+
+    def _free(self, poses: Array, shares: Array) -> Array:
+        """Free poses (n + 1, 3), with others between them: as they were, where a straight step is not free."""
+        every = _between(poses, shares)
+        between = every[1::2]
+        hit = self.world.clearance(between) <= self.problem.options.min_clearance
+        between[hit] = poses[:-1][hit]
+        return every
+
+    def _nearest(self, motion: Flowing) -> Array:
+        """Shares (n,) of the intervals between knots, where a motion is nearest to obstacles."""
+        step = np.diff(motion.time)[:, None]
+        clearance = self.world.clearance(motion.poses((motion.time[:-1, None] + step * _INSIDE).ravel()))
+        shares: Array = _INSIDE[np.argmin(clearance.reshape(len(step), -1), 1)]
+        return shares
 
     def _backed(self, poses: Array, free: Array, spare: float) -> Array:
         """Poses (n, 3), moved towards free ones to where they are free, with what of the room to spare those
@@ -205,9 +225,10 @@ class Optimizer:
             return flowing(motion, self.problem.robot.limits, self._coordinates, knots)
         return sampled(motion, self._coordinates, knots)
 
-    def _solve(self, guess: Guess, begin: State, planes: Array) -> Flowing | None:
+    def _solve(self, guess: Guess, begin: State, planes: Array, shares: Array) -> Flowing | None:
         """The fastest motion near a guess, from a state to rest where the guess ends, on the right side of
-        planes (2n, p, 5), of knots and halfway between them. Between knots it may exceed limits a little."""
+        planes (2n, p, 5), at knots and at shares (n,) of the time to the next. Between knots it may exceed
+        limits a little."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
         # Of wheels that always turn alike, one will do.
@@ -255,7 +276,7 @@ class Optimizer:
                 length / time / limits.linear_speed, 1 / time / most,
                 length / time**2 / limits.linear_acceleration, length / time**2 / limits.lateral_acceleration,
             ],
-            "planes": nearby,
+            "planes": nearby, "shares": shares,
         }  # fmt: skip
         q = guess.coordinates / unit
         rates = np.gradient(q, 1 / n, axis=0)
@@ -346,10 +367,11 @@ def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
     return next((n for n in _KNOTS if wanted <= n), most)
 
 
-def _halved(values: Array) -> Array:
-    """Values (n, …) with the means of neighbours between them."""
+def _between(values: Array, shares: Array) -> Array:
+    """Values (n + 1, …) with others between them, at shares (n,) of the steps from one to the next."""
     fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
-    fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
+    fine[::2] = values
+    fine[1::2] = values[:-1] + (shares * np.diff(values, axis=0).T).T
     return fine
 
 
