@@ -15,8 +15,8 @@ from planner.bow import bowed
 from planner.connect import Connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
-from planner.guess import flowing_time, reversals
-from planner.optimize import Optimizer, is_far
+from planner.guess import flowing_time, is_far, reversals
+from planner.optimize import Optimizer
 from planner.path import LinePiece, Path
 from planner.problem import Problem
 from planner.retime import hastened
@@ -38,8 +38,9 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
-_HOPE = 0.97
-"""Share of its flowing time by which a motion may turn out better than another, where that turns back."""
+_OVER, _HOPE = 1.05, 0.97
+"""What an optimized motion takes over its flowing time is expected of the next one, up to the first; and less
+by the second where the best so far turns back."""
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
@@ -52,6 +53,15 @@ class Candidate:
     planner: str
     timed: Phases
     optimized: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """A path to a goal: who found it, and the motion along it with stops, where that is known."""
+
+    planner: str
+    path: Path
+    timed: Phases | None
 
 
 def candidates(
@@ -81,47 +91,63 @@ def candidates(
 
     if effort == "best":
         known: set[float] = set()
-        for near in _stopping(problem, local, goals, watch):
-            stopping = _hastened([near], limits)
+        for way in _ways(problem, local, goals, watch):
+            assert way.timed is not None
+            stopped = Candidate(way.planner, way.timed)
+            hasty = _hastened([stopped], limits)
             watch.lap("optimize")
-            yield stopping
+            yield hasty
             # A search often finds the same way again.
-            duration = round(near.timed.duration, 6)
+            duration = round(stopped.timed.duration, 6)
             if duration not in known and not watch.is_over(optimizer.longest):
-                yield optimized(near, _BEST_ROUNDS) or bow(near)
+                yield optimized(stopped, _BEST_ROUNDS) or bow(stopped)
             known.add(duration)
         return
-    stopping = list(_stopping(problem, local, goals, watch))
-    found = list(stopping)
-    done: set[Candidate] = set()
+    ways = list(_ways(problem, local, goals, watch))
+    stopping = {way: Candidate(way.planner, way.timed) for way in ways if way.timed is not None}
+
+    def stops(way: _Way) -> Candidate | None:
+        if way not in stopping:
+            try:
+                stopping[way] = Candidate(way.planner, _timed(problem, way.path))
+            except LimitsInfeasible:
+                return None
+            watch.lap("time")
+        return stopping[way]
+
+    flowed: dict[_Way, Candidate] = {}
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
-    if effort == "good" and drive.settled is drive:
-        stopping.sort(key=lambda near: flowing_time(near.timed, limits))
-        best: tuple[float, Candidate] | None = None
-        for near in stopping[:_GOOD_TRIES]:
+    optimizes = effort == "good" and drive.settled is drive
+    if optimizes:
+        ways.sort(key=lambda way: flowing_time(way.path, drive, limits))
+        best: _Way | None = None
+        for way in ways[:_GOOD_TRIES]:
             if watch.is_over():
                 break
-            # Flowing times fall short of what comes out, but all alike; of motions that turn back less so.
             if best is not None:
-                hope = _HOPE if reversals(best[1].timed) else 1.0
-                if hope * flowing_time(near.timed, limits) >= flowing_time(best[1].timed, limits):
+                over = min(_duration(flowed[best]) / flowing_time(best.path, drive, limits), _OVER)
+                hope = over * (_HOPE if reversals(best.path) else 1.0)
+                if hope * flowing_time(way.path, drive, limits) >= _duration(flowed[best]):
                     break
-            if faster := optimized(near, _GOOD_ROUNDS):
-                found += faster
-                done.add(near)
-                if best is None or faster[0].timed.duration < best[0]:
-                    best = faster[0].timed.duration, near
-    found.sort(key=_duration)
+            near = stops(way)
+            if near is not None and (faster := optimized(near, _GOOD_ROUNDS)):
+                (flowed[way],) = faster
+                if best is None or _duration(flowed[way]) < _duration(flowed[best]):
+                    best = way
+    found = sorted([*stopping.values(), *flowed.values()], key=_duration)
     if effort == "good":
         found = _hastened(found, limits)
         watch.lap("optimize")
     yield found
-    if effort == "good" and drive.settled is drive:
+    if optimizes:
         patient = replace(optimizer, iterations=_PATIENCE)
         # What its check refuses would be found again.
-        for near in [near for near in stopping[:_GOOD_TRIES] if near not in done]:
-            if not watch.is_over() and flowing_time(near.timed, limits) < _HASTE * near.timed.duration:
+        for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
+            near = None if watch.is_over() else stops(way)
+            if near is not None and flowing_time(way.path, drive, limits) < _HASTE * _duration(near):
                 yield optimized(near, _GOOD_ROUNDS, patient)
+        rest = [stops(way) for way in ways]
+        yield _hastened([near for near in rest if near is not None and near not in found], limits)
 
 
 def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:
@@ -140,11 +166,12 @@ def _duration(candidate: Candidate) -> float:
     return candidate.timed.duration
 
 
-def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
-    """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
+def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[_Way]:
+    """Ways to the goal, until effort or time end; at least one that is timed, or a PlanningError."""
     options, robot = problem.options, problem.robot
     search = Search(local, problem.environment, problem.start, goals, options.seed)
     count = searched = 0
+    waits = options.effort == "good" and robot.drive.settled is robot.drive
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
@@ -179,19 +206,19 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             path = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
         try:
-            timed = time_path(path, robot.drive, robot.limits, problem.steering)
-            _refuse_if_endless(timed, options.sample_period)
+            # Most that are found by search are never driven from stop to stop.
+            timed = None if waits and count and planner != "direct" else _timed(problem, path)
             watch.lap("time")
-            yield Candidate(planner, timed)
+            yield _Way(planner, path, timed)
         except LimitsInfeasible as error:
             refused = refused or error
         else:
             count += 1
             searched += planner != "direct"
             if options.effort == "good" and turns_back:
-                turns_back = reversals(timed) > 0
+                turns_back = reversals(path) > 0
                 # On an open floor no way is better than a direct one.
-                if planner == "direct" and count == 1 and is_far(timed, robot.limits, local.world):
+                if planner == "direct" and count == 1 and is_far(path, robot, local.world):
                     turns_back = False
         if is_enough() or watch.is_over():
             break
@@ -233,8 +260,12 @@ def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
         )
 
 
-def _refuse_if_endless(timed: Phases, period: float) -> None:
+def _timed(problem: Problem, path: Path) -> Phases:
+    """The motion along a path with stops."""
+    period = problem.options.sample_period
+    timed = time_path(path, problem.robot.drive, problem.robot.limits, problem.steering)
     if timed.duration / period > MAX_SAMPLES:
         raise LimitsInfeasible(
             f"the motion would take {timed.duration:.6g} s, more than {MAX_SAMPLES} samples of {period:g} s"
         )
+    return timed

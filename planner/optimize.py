@@ -14,28 +14,34 @@ from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
 from planner.corridor import cover, half_planes, hull
 from planner.environment import CollisionWorld
-from planner.guess import Coordinates, Guess, cruising, flowing, flowing_time, ramp_time, sampled
+from planner.guess import (
+    KNOTS,
+    Coordinates,
+    Guess,
+    driven,
+    flowing,
+    is_far,
+    knot_count,
+    ramp_time,
+    sampled,
+    way_length,
+)
 from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
 from planner.rounding import rounded
 from planner.schedule import WheelSchedule, sample_times
-from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
+from planner.trajectory import Flowing, Phase, Phases, Steer
 
-__all__ = ["Optimizer", "is_far"]
+__all__ = ["Optimizer"]
 
-_KNOTS = (16, 24, 32, 48, 64, 96)
-_INTERVAL, _SPACING = 0.3, 0.35
-"""Time (s), and among obstacles way (m), between knots to aim at."""
 _SPARE = (0.005, 0.015, 0.04)
 """Room (m) asked for at knots, which say nothing of the motion between them; more where it hit something."""
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
-_FAR = 0.5
-"""Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 _INSIDE = np.linspace(0.1, 0.9, 9)
@@ -72,8 +78,8 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         limits = self.problem.robot.limits
-        if is_far(motion, limits, self.world):
-            knots = _knots(motion, limits, math.inf)
+        if is_far(driven(motion), self.problem.robot, self.world):
+            knots = knot_count(motion, limits, math.inf)
             guess = self._guess(motion, knots)
             found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)), np.full(knots, 0.5))
             if found is not None and self._is_free(found):
@@ -81,7 +87,7 @@ class Optimizer:
                 if made is not None:
                     made = self._finished(made)
                     return made if made.duration < motion.duration else None
-        knots = _knots(motion, limits, _SPACING)
+        knots = knot_count(motion, limits)
         best = motion
         for _ in range(rounds):
             near = self._near(best, knots)
@@ -98,7 +104,7 @@ class Optimizer:
         guess = self._guess(motion, knots)
         begin = self._begin(guess)
         runs = None
-        if knots <= _KNOTS[-1]:
+        if knots <= KNOTS[-1]:
             found = self._in_corridor(guess, begin)
             runs = None if found is None else [found]
         if runs is None and knots > WINDOW:
@@ -143,7 +149,7 @@ class Optimizer:
         return None
 
     def _free(self, poses: Array, shares: Array) -> Array:
-        """Free poses (n + 1, 3), with others between them: as they were, where a straight step is not free."""
+        """Free poses (n + 1, 3) and others between them: as the last, where a straight step is not free."""
         every = _between(poses, shares)
         between = every[1::2]
         hit = self.world.clearance(between) <= self.problem.options.min_clearance
@@ -179,7 +185,7 @@ class Optimizer:
     def _is_free(self, motion: Flowing) -> bool:
         # Chords between poses: an arc strays from them by less than the certificate's tolerance, which has
         # the last word.
-        steps = math.ceil(_way(motion.poses(motion.time)) / _STEP) + 100
+        steps = math.ceil(way_length(motion.poses(motion.time)) / _STEP) + 100
         return self.world.polyline_free(motion.poses(np.linspace(0.0, motion.duration, steps))) < 0
 
     @cached_property
@@ -221,8 +227,8 @@ class Optimizer:
         return begin._replace(coordinates=np.array([0.0, bend]), given="curvature")
 
     def _guess(self, motion: Phases, knots: int) -> Guess:
-        if any(isinstance(phase, Driven) for phase in motion.phases):
-            return flowing(motion, self.problem.robot.limits, self._coordinates, knots)
+        if path := driven(motion):
+            return flowing(path, motion.drive, self.problem.robot.limits, self._coordinates, knots)
         return sampled(motion, self._coordinates, knots)
 
     def _solve(self, guess: Guess, begin: State, planes: Array, shares: Array) -> Flowing | None:
@@ -345,26 +351,10 @@ class Optimizer:
         return Phases(motion.drive, tuple(phases))
 
 
-def is_far(motion: Phases, limits: Limits, world: CollisionWorld) -> bool:
-    """Whether obstacles are so far from a motion with stops that it may be optimized without them."""
-    return float(world.clearance(cruising(motion, limits).pose).min()) > _FAR
-
-
 def _slowed_by(motion: Flowing, slower: float) -> Flowing:
     scaled = motion.coefficients / slower ** np.arange(3.0)[:, None]
     scaled[..., : 1 if motion.curves else None] /= slower
     return replace(motion, time=motion.time * slower, coefficients=scaled)
-
-
-def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
-    if any(isinstance(phase, Driven) for phase in motion.phases):
-        time, poses = flowing_time(motion, limits), cruising(motion, limits).pose
-    else:
-        time = motion.duration
-        poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
-    wanted = max(time / _INTERVAL, _way(poses) / spacing)
-    most = math.ceil(wanted) if math.isfinite(spacing) else _KNOTS[-1]
-    return next((n for n in _KNOTS if wanted <= n), most)
 
 
 def _between(values: Array, shares: Array) -> Array:
@@ -373,11 +363,6 @@ def _between(values: Array, shares: Array) -> Array:
     fine[::2] = values
     fine[1::2] = values[:-1] + (shares * np.diff(values, axis=0).T).T
     return fine
-
-
-def _way(pose: Array) -> float:
-    """Way (m) of the body origin along poses (n, 3)."""
-    return float(np.hypot(*np.diff(pose[:, :2], axis=0).T).sum())
 
 
 def _excess(motion: Phases, knots: Array, limits: Limits) -> float:
