@@ -41,6 +41,8 @@ _WORK = 1200
 _OVER, _HOPE = 1.05, 0.97
 """What an optimized motion takes over its flowing time is expected of the next one, up to the first; and less
 by the second where the best so far turns back."""
+_SAME = 1e-3
+"""Share by which flowing times of different ways differ at least."""
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
@@ -124,11 +126,14 @@ def candidates(
         for way in ways[:_GOOD_TRIES]:
             if watch.is_over():
                 break
+            time = flowing_time(way.path, drive, limits)
             if best is not None:
                 over = min(_duration(flowed[best]) / flowing_time(best.path, drive, limits), _OVER)
-                hope = over * (_HOPE if reversals(best.path) else 1.0)
-                if hope * flowing_time(way.path, drive, limits) >= _duration(flowed[best]):
+                if over * (_HOPE if reversals(best.path) else 1.0) * time >= _duration(flowed[best]):
                     break
+            # A search often finds the same way again.
+            if any(abs(time / flowing_time(other.path, drive, limits) - 1) < _SAME for other in flowed):
+                continue
             near = stops(way)
             if near is not None and (faster := optimized(near, _GOOD_ROUNDS)):
                 (flowed[way],) = faster
