@@ -53,7 +53,13 @@ def test_a_good_plan_on_open_floor_does_not_stop_and_is_faster_than_the_first(dr
 
 @pytest.mark.parametrize(
     ("kind", "draw", "stops", "ratio"),
-    [("tricycle", 21, 1, 1.15), ("tricycle", 22, 0, 1.15), ("ackermann", 7, 1, 1.15), ("omni", 17, 0, 1.05)],
+    [
+        ("tricycle", 21, 1, 1.15),
+        ("tricycle", 22, 0, 1.15),
+        ("ackermann", 7, 1, 1.15),
+        ("omni", 17, 0, 1.05),
+        ("swedish", 2, 0, 1.15),  # its way is narrower than a disc over the footprint
+    ],
 )
 def test_a_good_plan_in_clutter_stops_only_at_cusps(kind: str, draw: int, stops: int, ratio: float) -> None:
     """Where the first answer of the optimizer hits something, or direct ways turn back."""
