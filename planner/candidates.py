@@ -12,7 +12,7 @@ import numpy as np
 from drives.drive import Limits
 from drives.se2 import Pose
 from planner.bow import bowed
-from planner.connect import Connector
+from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time, is_far, reversals
@@ -49,21 +49,27 @@ _HASTE = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A timed motion from the start to a goal. planner: who found its path; optimized: whether it was
-    since."""
+    """A timed motion from the start to a goal. planner: who found its path; found: that path, before it was
+    shortened; optimized: whether the motion was since."""
 
     planner: str
     timed: Phases
+    found: Path
     optimized: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Way:
-    """A path to a goal: who found it, and the motion along it with stops, where that is known."""
+    """A path to a goal: who found it, what it was before it was shortened, and the motion along it with
+    stops, where that is known."""
 
     planner: str
     path: Path
+    found: Path
     timed: Phases | None
+
+    def stopping(self, timed: Phases) -> Candidate:
+        return Candidate(self.planner, timed, self.found)
 
 
 def candidates(
@@ -71,9 +77,10 @@ def candidates(
 ) -> Iterator[list[Candidate]]:
     """Motions to choose from, each list with the fastest first; at least one motion, or a PlanningError.
 
-    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives;
-    then, for those whom no optimized one of these will do, what optimizing them with patience gives. Best:
-    list after list as time allows, of whatever is found: with stops, then optimized.
+    Effort first: one, with stops. Good: one list of a few, one of them as quick with stops as first's, and of
+    what optimizing the best of them gives; then, for those whom no optimized one of these will do, what
+    optimizing them with patience gives. Best: list after list as time allows, of whatever is found: with
+    stops, then optimized.
     """
     effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
@@ -81,7 +88,7 @@ def candidates(
     def optimized(near: Candidate, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
         faster = by.faster(near.timed, rounds)
         watch.lap("optimize")
-        return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
+        return [] if faster is None else [replace(near, timed=faster, optimized=True)]
 
     def bow(near: Candidate) -> list[Candidate]:
         driven = [phase for phase in near.timed.phases if isinstance(phase, Driven)]
@@ -89,14 +96,15 @@ def candidates(
         if drive.settled is not drive and len(driven) == 1 and isinstance(driven[0].piece, LinePiece):
             faster = bowed(driven[0].piece, near.timed, problem, local.world, watch.is_over)
             watch.lap("optimize")
-        return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
+        return [] if faster is None else [replace(near, timed=faster, optimized=True)]
 
     if effort == "best":
         known: set[float] = set()
         for way in _ways(problem, local, goals, watch):
             assert way.timed is not None
-            stopped = Candidate(way.planner, way.timed)
-            hasty = _hastened([stopped], limits)
+            stopped = way.stopping(way.timed)
+            hasty = [stopped] if known else [stopped, *_plain(problem, local, goals, stopped, watch)]
+            hasty = _hastened(sorted(hasty, key=_duration), limits, watch)
             watch.lap("optimize")
             yield hasty
             # A search often finds the same way again.
@@ -106,12 +114,13 @@ def candidates(
             known.add(duration)
         return
     ways = list(_ways(problem, local, goals, watch))
-    stopping = {way: Candidate(way.planner, way.timed) for way in ways if way.timed is not None}
+    stopping = {way: way.stopping(way.timed) for way in ways if way.timed is not None}
+    first = stopping[ways[0]]
 
     def stops(way: _Way) -> Candidate | None:
         if way not in stopping:
             try:
-                stopping[way] = Candidate(way.planner, _timed(problem, way.path))
+                stopping[way] = way.stopping(_timed(problem, way.path))
             except LimitsInfeasible:
                 return None
             watch.lap("time")
@@ -124,7 +133,7 @@ def candidates(
         ways.sort(key=lambda way: flowing_time(way.path, drive, limits))
         best: _Way | None = None
         for way in ways[:_GOOD_TRIES]:
-            if watch.is_over():
+            if watch.is_over(optimizer.longest):
                 break
             time = flowing_time(way.path, drive, limits)
             if best is not None:
@@ -139,30 +148,35 @@ def candidates(
                 (flowed[way],) = faster
                 if best is None or _duration(flowed[way]) < _duration(flowed[best]):
                     best = way
-    found = sorted([*stopping.values(), *flowed.values()], key=_duration)
+    found = [*stopping.values(), *flowed.values()]
+    if effort == "good" and (local.flows or first.planner != "direct"):
+        found += _plain(problem, local, goals, first, watch)
+    found.sort(key=_duration)
     if effort == "good":
-        found = _hastened(found, limits)
+        found = _hastened(found, limits, watch)
         watch.lap("optimize")
     yield found
     if optimizes:
         patient = replace(optimizer, iterations=_PATIENCE)
         # What its check refuses would be found again.
         for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
-            near = None if watch.is_over() else stops(way)
+            if watch.is_over(optimizer.longest * _PATIENCE / optimizer.iterations):
+                break
+            near = stops(way)
             if near is not None and flowing_time(way.path, drive, limits) < _HASTE * _duration(near):
                 yield optimized(near, _GOOD_ROUNDS, patient)
-        rest = [stops(way) for way in ways]
-        yield _hastened([near for near in rest if near is not None and near not in found], limits)
+        rest = [stops(way) for way in ways if way not in stopping and not watch.is_over()]
+        yield _hastened([near for near in rest if near is not None], limits, watch)
 
 
-def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:
+def _hastened(found: list[Candidate], limits: Limits, watch: Stopwatch) -> list[Candidate]:
     """Those that may become the fastest retimed, the fastest first."""
     best = math.inf
     found = list(found)
     for i, near in enumerate(found):
         if _HASTE * near.timed.duration < best:
             if not near.optimized:
-                found[i] = replace(near, timed=hastened(near.timed, limits))
+                found[i] = replace(near, timed=hastened(near.timed, limits, watch.is_over))
             best = min(best, found[i].timed.duration)
     return sorted(found, key=_duration)
 
@@ -205,25 +219,26 @@ def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatc
 
     for planner, path in ways():
         watch.lap("search")
+        shorter = path
         if planner != "direct":
             if count and watch.is_over():
                 break
-            path = shorten(path, local, quick=options.effort == "first")
+            shorter = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
         try:
             # Most that are found by search are never driven from stop to stop.
-            timed = None if waits and count and planner != "direct" else _timed(problem, path)
+            timed = None if waits and count and planner != "direct" else _timed(problem, shorter)
             watch.lap("time")
-            yield _Way(planner, path, timed)
+            yield _Way(planner, shorter, path, timed)
         except LimitsInfeasible as error:
             refused = refused or error
         else:
             count += 1
             searched += planner != "direct"
             if options.effort == "good" and turns_back:
-                turns_back = reversals(path) > 0
+                turns_back = reversals(shorter) > 0
                 # On an open floor no way is better than a direct one.
-                if planner == "direct" and count == 1 and is_far(path, robot, local.world):
+                if planner == "direct" and count == 1 and is_far(shorter, robot, local.world):
                     turns_back = False
         if is_enough() or watch.is_over():
             break
@@ -234,6 +249,26 @@ def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatc
         raise refused or NoPathFound(
             f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried
         )
+
+
+def _plain(
+    problem: Problem, local: Connector, goals: list[Pose], near: Candidate, watch: Stopwatch
+) -> list[Candidate]:
+    """What effort first makes of a way found, or of a direct one: others are the quickest once they flow, but
+    not all of them can be made to."""
+    robot = problem.robot
+    quick = connector(robot, local.world, replace(problem.options, effort="first"))
+    path = next(_direct(problem.start, quick, goals), None)
+    planner = "direct" if path else near.planner
+    path = path or shorten(near.found, quick, quick=True)
+    watch.lap("shorten")
+    try:
+        timed = _timed(problem, path)
+    except LimitsInfeasible:
+        return []
+    finally:
+        watch.lap("time")
+    return [Candidate(planner, timed, path)]
 
 
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from time import perf_counter
 
 import numpy as np
@@ -337,7 +337,7 @@ class Optimizer:
         """Retimed where jerk is limited; else steering rounded off where its rate jumps."""
         steers = bool(self.problem.robot.drive.rolling_law().steered.any())
         if self._is_jerk_limited or self._coordinates != "car" or not steers:
-            return hastened(motion, self.problem.robot.limits)
+            return hastened(motion, self.problem.robot.limits, partial(self.is_over, 0.0))
         period = self.problem.options.sample_period
         samples, begin = sample_times(motion.duration, period), 0.0
         phases: list[Phase] = []
