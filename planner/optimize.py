@@ -31,7 +31,7 @@ from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
 from planner.rounding import rounded
-from planner.schedule import WheelSchedule, sample_times
+from planner.schedule import WheelSchedule
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
@@ -48,8 +48,6 @@ _INSIDE = np.linspace(0.1, 0.9, 9)
 """Shares of intervals between knots at which it is seen how near obstacles are."""
 _HALVINGS = 6
 """How exactly it is found how far a pose must be moved."""
-_APART = 1e-6
-"""Share of the sample period that samples are apart at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +316,7 @@ class Optimizer:
                 slower = _excess(Phases(drive, (given,)), run.time, limits)
                 if not slower < 1.5:
                     return None
-                phases.append(_slowed_by(given, slower))
+                phases.append(given.slowed(slower))
                 if steering is None and len(runs) == 1:
                     continue
                 motion = Phases(drive, (phases[-1],))
@@ -335,26 +333,10 @@ class Optimizer:
 
     def _finished(self, motion: Phases) -> Phases:
         """Retimed where jerk is limited; else steering rounded off where its rate jumps."""
-        steers = bool(self.problem.robot.drive.rolling_law().steered.any())
-        if self._is_jerk_limited or self._coordinates != "car" or not steers:
-            return hastened(motion, self.problem.robot.limits, partial(self.is_over, 0.0))
-        period = self.problem.options.sample_period
-        samples, begin = sample_times(motion.duration, period), 0.0
-        phases: list[Phase] = []
-        for phase in motion.phases:
-            end = begin + phase.duration
-            if isinstance(phase, Flowing):
-                inside = samples[(samples > begin + _APART * period) & (samples < end - _APART * period)]
-                phase = rounded(phase, np.concatenate([[0.0], inside - begin, [phase.duration]]))
-            phases.append(phase)
-            begin = end
-        return Phases(motion.drive, tuple(phases))
-
-
-def _slowed_by(motion: Flowing, slower: float) -> Flowing:
-    scaled = motion.coefficients / slower ** np.arange(3.0)[:, None]
-    scaled[..., : 1 if motion.curves else None] /= slower
-    return replace(motion, time=motion.time * slower, coefficients=scaled)
+        robot = self.problem.robot
+        if self._is_jerk_limited or self._coordinates != "car" or not robot.drive.rolling_law().steered.any():
+            return hastened(motion, robot.limits, partial(self.is_over, 0.0))
+        return rounded(motion, robot.limits, self.problem.options.sample_period)
 
 
 def _between(values: Array, shares: Array) -> Array:

@@ -18,18 +18,50 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, PPoly
 
+from drives.drive import Limits
 from drives.se2 import Array
-from planner.trajectory import Flowing
+from planner.schedule import sample_times
+from planner.trajectory import Flowing, Phase, Phases
 
-__all__ = ["rounded"]
+__all__ = ["rounded", "rounded_phase"]
 
 _ROUNDS, _EXACT = 3, 1e-7
 """How often the end is corrected, and the miss (m, rad) that needs no more of it."""
+_TRIES, _FASTER = 3, 1e-4
+"""How often it is slowed down, and by what share wheels may be too fast."""
+_APART = 1e-6
+"""Share of the sample period that samples are apart at least."""
 _SMALL = 1e-4
 """Share of the curvature's largest effect on the end below which it has none: along a straight way."""
 
 
-def rounded(motion: Flowing, samples: Array) -> Flowing:
+def rounded(motion: Phases, limits: Limits, period: float) -> Phases:
+    """A car's motion with its steering rounded off; slower, by next to nothing, where wheels would be too
+    fast. period s: of the samples."""
+    for _ in range(_TRIES):
+        samples, begin = sample_times(motion.duration, period), 0.0
+        phases: list[Phase] = []
+        for phase in motion.phases:
+            end = begin + phase.duration
+            if isinstance(phase, Flowing):
+                inside = samples[(samples > begin + _APART * period) & (samples < end - _APART * period)]
+                phase = rounded_phase(phase, np.concatenate([[0.0], inside - begin, [phase.duration]]))
+            phases.append(phase)
+            begin = end
+        made = Phases(motion.drive, tuple(phases))
+        sampled = made.sample(samples)
+        # At the samples, and in the mean between them.
+        step = np.maximum(np.diff(samples), 1e-3 * period)[:, None]
+        rates = np.concatenate([sampled.wheel_velocity, np.diff(sampled.wheel_angle, axis=0) / step])
+        share = float((np.abs(rates) / limits.wheel_speed).max())
+        if share <= 1 + _FASTER:
+            break
+        slower = (phase.slowed(share) if isinstance(phase, Flowing) else phase for phase in motion.phases)
+        motion = Phases(motion.drive, tuple(slower))
+    return made
+
+
+def rounded_phase(motion: Flowing, samples: Array) -> Flowing:
     """The motion of a car, its curvature cubic between samples (n,) s, the ends of the motion among them.
 
     It ends where the motion did, to within 1e-7, or as near as changes of curvature take it.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -278,6 +278,12 @@ class Flowing:
         out.twist[rows] = twist[2 * here]
         end: Array = turned[-1]
         return end
+
+    def slowed(self, by: float) -> Flowing:
+        """The same way in `by` times the time."""
+        scaled = self.coefficients / by ** np.arange(float(self.coefficients.shape[1]))[:, None]
+        scaled[..., : 1 if self.curves else None] /= by
+        return replace(self, time=self.time * by, coefficients=scaled)
 
     def poses(self, time: Array) -> Array:
         """Poses (n, 3) at increasing times (n,)."""

@@ -15,7 +15,7 @@ from drives.se2 import Pose
 from planner.plan import plan
 from planner.problem import Bounds, Environment, Goal, Options, Problem
 from planner.rolling import roll
-from planner.rounding import rounded
+from planner.rounding import rounded, rounded_phase
 from planner.schedule import sample_times, schedule
 from planner.trajectory import Flowing, Phases
 
@@ -51,7 +51,7 @@ def test_rolling_ends_where_the_motion_was_to_end_and_stays_with_it(
     problem, motion = zigzag(kind, seed, last)
     samples = sample_times(motion.duration, PERIOD)
     drive, goal = problem.robot.drive, motion.poses(motion.time)[-1]
-    made = schedule(Phases(drive, (rounded(motion, samples),)), PERIOD)
+    made = schedule(Phases(drive, (rounded_phase(motion, samples),)), PERIOD)
     rolled = roll(problem, made).pose
     as_it_was = roll(problem, schedule(Phases(drive, (motion,)), PERIOD)).pose
     assert np.abs(as_it_was[-1] - goal).max() > 5e-5
@@ -63,7 +63,7 @@ def test_rolling_ends_where_the_motion_was_to_end_and_stays_with_it(
 def test_samples_are_those_of_the_motion_but_for_a_thousandth(kind: str) -> None:
     problem, motion = zigzag(kind, 4, 0.0)
     drive, limits = problem.robot.drive, problem.robot.limits
-    rounded_off = rounded(motion, sample_times(motion.duration, PERIOD))
+    rounded_off = rounded_phase(motion, sample_times(motion.duration, PERIOD))
     before, after = (schedule(Phases(drive, (m,)), PERIOD) for m in (motion, rounded_off))
     assert np.abs(after.steering_angle - before.steering_angle).max() < 1e-3 * limits.steering_angle
     assert np.abs(after.steering_angle).max() <= limits.steering_angle * (1 + 1e-9)
@@ -80,13 +80,28 @@ def test_a_car_in_clutter_ends_within_a_tenth_of_a_millimetre_of_its_goal(kind: 
     assert made.certificate.drift_position < 1e-4
 
 
+@pytest.mark.parametrize("kind", ["ackermann", "tricycle"])
+def test_wheels_at_their_fastest_are_not_made_faster(kind: str) -> None:
+    problem, motion = zigzag(kind, 6, 0.007)
+    drive, limits = problem.robot.drive, problem.robot.limits
+    as_it_was = schedule(Phases(drive, (motion,)), PERIOD)
+    limits = replace(limits, wheel_speed=np.abs(as_it_was.wheel_velocity).max(0))
+    made = rounded(Phases(drive, (motion,)), limits, PERIOD)
+    after = schedule(made, PERIOD)
+    mean = np.diff(after.wheel_angle, axis=0) / np.diff(after.time)[:, None]
+    for rate in (after.wheel_velocity, mean):
+        assert (np.abs(rate) <= limits.wheel_speed * (1 + 2e-4)).all()
+    assert made.duration <= motion.duration * (1 + 5e-3)
+    assert np.abs(roll(problem, after).pose[-1] - motion.poses(motion.time)[-1]).max() < 1e-5
+
+
 def test_a_straight_motion_is_left_as_it_is() -> None:
     robot = ROBOTS["ackermann"]
     time = np.array([0.0, 0.51, 1.02])
     coefficients = np.zeros((2, 3, 2))
     coefficients[:, :2, 0] = [[0.0, 1.0], [0.51, -1.0]]
     motion = Flowing(Pose(0.0, 0.0, 0.5), time, coefficients, True, None)
-    made = rounded(motion, sample_times(1.02, PERIOD))
+    made = rounded_phase(motion, sample_times(1.02, PERIOD))
     assert np.abs(made.poses(time) - motion.poses(time)).max() < 1e-12
     drive = robot.drive
     assert (schedule(Phases(drive, (made,)), PERIOD).steering_angle == 0).all()
