@@ -39,8 +39,8 @@ _PATIENCE = 180
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
 _OVER, _HOPE = 1.05, 0.97
-"""A motion is expected to exceed its flowing time as much as the best so far does, though not by more than the
-first; and by the second less where the best turns back."""
+"""A motion is expected to exceed its flowing time as the best so far does, by the first factor at most; by
+the second less where the best turns back."""
 _SAME = 1e-3
 """Share by which flowing times of different ways differ at least."""
 _HASTE = 0.9
