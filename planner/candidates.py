@@ -38,6 +38,8 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
+_DETOUR = 1.3
+"""At effort first, how much longer than the crow flies a way is where others are looked for."""
 _OVER, _HOPE = 1.05, 0.97
 """A motion is expected to exceed its flowing time as the best so far does, by the first factor at most; by
 the second less where the best turns back."""
@@ -188,15 +190,16 @@ def _duration(candidate: Candidate) -> float:
 def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[_Way]:
     """Ways to the goal, until effort or time end; at least one that is timed, or a PlanningError."""
     options, robot = problem.options, problem.robot
-    search = Search(local, problem.environment, problem.start, goals, options.seed)
+    search = Search(
+        local, problem.environment, problem.start, goals, options.seed,
+        lambda: _refuse_if_separated(problem, local.world),
+    )  # fmt: skip
     count = searched = 0
     waits = options.effort == "good" and robot.drive.settled is robot.drive
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
     found = list(islice(direct, 1))
-    if not found:
-        _refuse_if_separated(problem, local.world)
 
     def ways() -> Iterator[tuple[str, Path]]:
         for path in chain(found, direct):
@@ -217,6 +220,10 @@ def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatc
             case "best":
                 return False
 
+    def is_detour(path: Path) -> bool:
+        crow = math.dist(path[0].start[:2], path[-1].end[:2])
+        return sum(piece.length for piece in path) > _DETOUR * crow
+
     for planner, path in ways():
         watch.lap("search")
         shorter = path
@@ -225,6 +232,10 @@ def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatc
                 break
             shorter = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
+            if options.effort == "first" and is_detour(shorter):
+                others = [shorten(other, local, quick=True) for other in search.others(watch.is_over)]
+                shorter = min([shorter, *others], key=local.duration)
+                watch.lap("shorten")
         try:
             # Most that are found by search are never driven from stop to stop.
             timed = None if waits and count and planner != "direct" else _timed(problem, shorter)
