@@ -26,7 +26,7 @@ from drives.drive import (
 )
 from drives.se2 import Array, Twist
 from drives.steering import aim, steer
-from drives.wheel import solve_twist, velocity_at, wheel_rows
+from drives.wheel import rigid_motion, velocity_at
 
 __all__ = ["CarLike"]
 
@@ -86,11 +86,7 @@ class CarLike(Drive):
         )
 
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
-        x, y = self._points()
-        delta = np.hstack([steering, np.zeros((len(steering), 2))])
-        return solve_twist(
-            wheel_rows(x, y, delta), np.hstack([rates * self.wheel_radius, np.zeros_like(delta)])
-        )
+        return rigid_motion(*self._points(), self.wheel_radius, 0.0, rates, steering, steering_rates)
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf

@@ -22,8 +22,6 @@ __all__ = ["Rolled", "moved", "points", "roll"]
 _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WHOLE = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
-_STAGES = len(_NODES) + 1
-"""Points an interval: the sample that begins it, then its nodes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,59 +41,65 @@ def roll(problem: Problem, schedule: WheelSchedule) -> Rolled:
     time = schedule.time
     _, rates = _cubic(time, schedule.wheel_angle, schedule.wheel_velocity)
     steering, steering_rates = _cubic(time, schedule.steering_angle, schedule.steering_rate)
-    twist, slip = problem.robot.drive.forward(rates, steering, steering_rates)
-    path = _travel(*problem.start, time, twist)
-    pose = path[::_STAGES, :3].copy()
-    length = float(moved(pose, 0.0)[-1])
-    return Rolled(pose, twist[::_STAGES].copy(), slip[::_STAGES].copy(), path, length)
+    twist, slip = problem.robot.drive.forward(rates.T, steering.T, steering_rates.T)
+    columns = np.ascontiguousarray(twist.T)
+    pose, path, length = _travel(*problem.start, time, columns)
+    n = len(time)
+    return Rolled(pose, np.ascontiguousarray(columns[:, :n].T), slip[:n], path, length)
 
 
 @kernel
 def _cubic(time: Array, value: Array, slope: Array) -> tuple[Array, Array]:
-    """Hermite's cubic through samples (n, c), and its slope, at the samples and the nodes, (4n - 3, c)."""
+    """Hermite's cubic through samples (n, c), and its slope, (c, 4n - 3): at the samples, then at the first
+    node of every interval, then at the second, then at the third."""
     n, columns = value.shape
-    values, slopes = np.empty((_STAGES * (n - 1) + 1, columns)), np.empty((_STAGES * (n - 1) + 1, columns))
-    for i in range(n):
-        at = _STAGES * i
-        values[at], slopes[at] = value[i], slope[i]
-        if i == n - 1:
-            break
-        h = time[i + 1] - time[i]
-        for c in range(columns):
-            begin, end = slope[i, c], slope[i + 1, c]
-            rise = (value[i + 1, c] - value[i, c]) / h
+    size = n + len(_NODES) * (n - 1)
+    values, slopes = np.empty((columns, size)), np.empty((columns, size))
+    for c in range(columns):
+        for i in range(n):
+            values[c, i], slopes[c, i] = value[i, c], slope[i, c]
+        for i in range(n - 1):
+            h = time[i + 1] - time[i]
+            first, begin, end = values[c, i], slopes[c, i], slopes[c, i + 1]
+            rise = (values[c, i + 1] - first) / h
             square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
             for k in range(len(_NODES)):
-                u = _NODES[k]
-                values[at + 1 + k, c] = value[i, c] + h * u * (begin + u * (square + u * cube))
-                slopes[at + 1 + k, c] = begin + u * (2 * square + 3 * u * cube)
+                u, at = _NODES[k], n + k * (n - 1) + i
+                values[c, at] = first + h * u * (begin + u * (square + u * cube))
+                slopes[c, at] = begin + u * (2 * square + 3 * u * cube)
     return values, slopes
 
 
 @kernel
-def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> Array:
-    """Poses and times (4n - 3, 4) of a body from a pose on, its twists (4n - 3, 3) integrated."""
-    nodes = len(_NODES)
-    path = np.empty((len(twist), 4))
+def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> tuple[Array, Array, float]:
+    """Poses (n, 3) at the samples of a body from a pose on, its twists (3, 4n - 3) integrated; poses and
+    times (4n - 3, 4) at samples and nodes, in order of time; and the length of the way from sample to sample.
+    """
+    n, nodes = len(time), len(_NODES)
+    poses, path = np.empty((n, 3)), np.empty(((nodes + 1) * n - nodes, 4))
     gained = np.zeros(3)
     velocity = np.empty((nodes, 2))
-    for i in range(len(time)):
-        at = _STAGES * i
-        path[at, 0], path[at, 1], path[at, 2] = x + gained[0], y + gained[1], theta + gained[2]
-        path[at, 3] = time[i]
-        if i == len(time) - 1:
+    length = 0.0
+    for i in range(n):
+        at = (nodes + 1) * i
+        poses[i, 0], poses[i, 1], poses[i, 2] = x + gained[0], y + gained[1], theta + gained[2]
+        path[at, 0], path[at, 1], path[at, 2], path[at, 3] = poses[i, 0], poses[i, 1], poses[i, 2], time[i]
+        if i > 0:
+            length += math.sqrt((poses[i, 0] - poses[i - 1, 0]) ** 2 + (poses[i, 1] - poses[i - 1, 1]) ** 2)
+        if i == n - 1:
             break
         h = time[i + 1] - time[i]
         turn = 0.0
         for k in range(nodes):
-            heading = 0.0
+            part = 0.0
             for j in range(nodes):
-                heading += _PARTS[k, j] * twist[at + 1 + j, 2]
-            heading = path[at, 2] + h * heading
-            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[at + 1 + k, 0], twist[at + 1 + k, 1]
+                part += _PARTS[k, j] * twist[2, n + j * (n - 1) + i]
+            node = n + k * (n - 1) + i
+            heading = poses[i, 2] + h * part
+            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[0, node], twist[1, node]
             velocity[k, 0], velocity[k, 1] = c * vx - s * vy, s * vx + c * vy
             path[at + 1 + k, 2], path[at + 1 + k, 3] = heading, time[i] + h * _NODES[k]
-            turn += _WHOLE[k] * twist[at + 1 + k, 2]
+            turn += _WHOLE[k] * twist[2, node]
         gained[2] += h * turn
         for axis in range(2):
             way = 0.0
@@ -106,7 +110,7 @@ def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> Arra
                 path[at + 1 + k, axis] = path[at, axis] + h * part
                 way += _WHOLE[k] * velocity[k, axis]
             gained[axis] += h * way
-    return path
+    return poses, path, length
 
 
 @kernel
