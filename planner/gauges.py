@@ -58,7 +58,8 @@ def wheels(
     copied: float,
 ) -> Array:
     """Of wheels (n, m) and their limits (m,): speed, its mean over each interval, acceleration, its mean, the
-    mean jerk; the gap between the angle and the integral of speed, and between speed and that of acceleration.
+    mean jerk; the gaps between the angle and the integral of speed, and between speed and that of its own
+    derivative.
 
     Means are over at least `least` (s). The trapezoid rule is off by a·h²/4 at most: where the rate rises,
     then falls, as fast as it may. copied: what may be lost where a number is copied.

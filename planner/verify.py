@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from drives.drive import Holonomic
-from drives.se2 import Array, wrap
+from drives.se2 import Array, Pose, wrap
 from planner import gauges
 from planner.errors import AuditFailed
 from planner.problem import Problem
@@ -116,6 +116,11 @@ class Reading(NamedTuple):
     owner: str = ""
 
 
+def _reading(quantity: str, value: float, bound: float, at: int = -1, owner: str = "") -> Reading:
+    used = value / bound
+    return Reading(quantity, math.inf if math.isnan(used) else used, value, bound, at, owner)
+
+
 def _readings(quantities: Sequence[str], table: Array, columns: Sequence[str] = ()) -> Iterator[Reading]:
     """Of a gauge's table; column j is of columns[j] (none: of the robot)."""
     for quantity, (used, i, j, value, bound) in zip(quantities, table.tolist(), strict=True):
@@ -198,12 +203,6 @@ def _closure(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Itera
         yield _reading("closure_heading", abs(wrap(theta - goal.theta)), aligned)
 
 
-def _reading(quantity: str, value: float, bound: float, at: int = -1, owner: str = "") -> Reading:
-    return Reading(
-        quantity, math.inf if math.isnan(value / bound) else value / bound, value, bound, at, owner
-    )
-
-
 def _shortest(problem: Problem) -> float:
     """The least time (s) to take a mean over: a last step may be so short that its mean is rounding."""
     return 1e-3 * problem.options.sample_period
@@ -216,7 +215,8 @@ def _wheels(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Re
     )  # fmt: skip
     table = gauges.wheels(
         schedule.time, _shortest(problem), schedule.wheel_angle, schedule.wheel_velocity,
-        schedule.wheel_acceleration, limits.wheel_speed, limits.wheel_acceleration, limits.wheel_jerk, _COPIED,
+        schedule.wheel_acceleration, limits.wheel_speed, limits.wheel_acceleration, limits.wheel_jerk,
+        _COPIED,
     )  # fmt: skip
     return _readings(quantities, table, problem.robot.drive.wheel_names)
 
@@ -239,9 +239,7 @@ def _ends(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Read
         ("steering at rest", schedule.steering_rate, steered, drive.steered_names),
     ):
         yield from _readings((quantity,), gauges.ends(rate, _REST * limit + _SAME), names)
-    for owner, stated, asked in zip(
-        ("x", "y", "theta"), schedule.pose[0].tolist(), problem.start, strict=True
-    ):
+    for owner, stated, asked in zip(Pose._fields, schedule.pose[0].tolist(), problem.start, strict=True):
         yield _reading("start", abs(stated - asked), _COPIED, 0, owner)
     if problem.steering is not None:
         turned = schedule.steering_angle[:1] - problem.steering

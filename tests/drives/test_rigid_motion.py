@@ -63,8 +63,7 @@ def test_the_robots_size_does_not_matter(scale: float) -> None:
 def test_wheels_next_to_one_point_keep_their_accuracy(apart: float) -> None:
     """Two wheels at one point leave turning about it open; the nearer to it, the less omega is known."""
     x, y = np.array([0.3, 0.3 + apart]), np.array([0.2, 0.2])
-    moving, steering = RNG.normal(size=(100, 3)), RNG.uniform(-4, 4, (100, 1)) * np.ones(2)
-    # Wheels side by side roll along the one direction they share; what is across it they do not do.
+    moving = RNG.normal(size=(100, 3))
     steering = np.arctan2(moving[:, 1:2] + moving[:, 2:] * x, moving[:, :1] - moving[:, 2:] * y)
     speed = np.hypot(moving[:, 1:2] + moving[:, 2:] * x, moving[:, :1] - moving[:, 2:] * y)
     twist, slip = rigid_motion(x, y, RADIUS, 0.0, speed / RADIUS, steering, 0 * steering)
@@ -88,9 +87,8 @@ def test_casters_whose_contacts_meet_get_the_shortest_twist() -> None:
 
 
 def test_one_wheel_at_the_origin_says_nothing_of_turning() -> None:
-    twist, slip = rigid_motion(
-        np.zeros(1), np.zeros(1), 1.0, 0.0, np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1))
-    )
+    origin, one = np.zeros(1), np.ones((1, 1))
+    twist, slip = rigid_motion(origin, origin, 1.0, 0.0, one, one, one)
     np.testing.assert_allclose(twist, [[np.cos(1), np.sin(1), 0.0]], atol=1e-15)
     assert slip[0] < 1e-15
 
@@ -119,4 +117,5 @@ def test_values_that_are_no_numbers_stay_so(value: float) -> None:
     for twist, slip in made:
         assert not np.isfinite(twist[1]).any()
         assert not np.isfinite(slip[1])
-        assert np.isfinite(twist[[0, 2]]).all() and np.isfinite(slip[[0, 2]]).all()
+        assert np.isfinite(twist[[0, 2]]).all()
+        assert np.isfinite(slip[[0, 2]]).all()
