@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import ruckig
+from numpy.typing import NDArray
 from toppra.constraint import DiscretizationType, LinearConstraint
 from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
 from toppra.interpolator import AbstractGeometricPath
@@ -31,8 +32,11 @@ from planner.tree import kernel
 
 __all__ = ["cruising_speed", "time_path"]
 
-_GRID_START, _GRID_SWINGING, _GRID_MAX = 48, 96, 3000
-"""Intervals to begin with, those where wheels trail, and points at most."""
+_GRID_SWINGING, _GRID_MAX, _PARTS = 96, 3000, 8
+"""Intervals to begin with where wheels trail; points, and parts that an interval is cut into at once, at
+most."""
+_GRID = (1 - np.cos(np.linspace(0.0, math.pi, 49))) / 2
+"""Points to begin with: closer together towards the ends, where s gains little in much time."""
 _TINY, _RELATIVE, _TRIES = 1e-8, 1e-4, 10
 """By how much ṡ² is kept below what TOPPRA finds controllable, the smaller of absolute and relative, and how
 often it is lowered by ten times that where rounding has made a step infeasible."""
@@ -55,11 +59,11 @@ def time_path(path: Sequence[Curve], drive: Drive, limits: Limits, steering: Arr
     """
     phases: list[Phase] = []
     for piece in path:
-        grid, law = _grid(piece, drive, limits, steering)
+        sampled, law = _grid(piece, drive, limits, steering)
         needed = law.steering[0]
         if steering is not None and drive.steers_at_rest:
             _steer(phases, piece.start, steering, needed, limits)
-        phases.append(_driven(piece, grid, law, drive, limits))
+        phases.append(_driven(piece, sampled, law, drive, limits))
         steering = law.steering[-1]
     return Phases(drive, tuple(phases))
 
@@ -78,35 +82,59 @@ def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits:
         phases.append(Steer(pose, before, after, change / limits.steering_rate))
 
 
-def _grid(piece: Curve, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:
-    """Grid points over [0, 1], close enough to resolve the actuators, and their law there: its ends, where
-    w is constant and steering linear in s."""
-    grid = np.array([0.0, 1.0])
+def _grid(
+    piece: Curve, drive: Drive, limits: Limits, steering: Array | None
+) -> tuple[BodyPath, ActuatorPath]:
+    """The piece at points over [0, 1] close enough to resolve the actuators, and their law there: at its
+    ends, where w is constant and steering linear in s."""
+    path = piece.body_path(np.array([0.0, 1.0]))
     if drive.settled is not drive:  # Trailing wheels swing all along, whatever the tangent does.
-        grid = np.linspace(0.0, 1.0, _GRID_SWINGING + 1)
-    elif piece.body_path(grid).tangent_derivative.any():
-        # Closer together towards the ends, where s gains little in much time.
-        grid = (1 - np.cos(np.linspace(0.0, math.pi, _GRID_START + 1))) / 2
+        path = piece.body_path(np.linspace(0.0, 1.0, _GRID_SWINGING + 1))
+    elif path.tangent_derivative.any():
+        path = piece.body_path(_GRID)
     try:
         while True:
-            law = drive.actuators(piece.body_path(grid), steering, limits.steering_angle)
-            scale = np.abs(law.wheel).max() + 1e-300
-            if len(grid) == 2:
-                return grid, law
-            coarse = (np.abs(np.diff(law.steering, axis=0)) > _STEERING_STEP).any(1)
-            coarse |= (np.abs(np.diff(law.wheel, axis=0)) > _WHEEL_STEP * scale).any(1)
-            if not coarse.any() or len(grid) + coarse.sum() > _GRID_MAX:
-                return grid, law
-            grid = np.sort(np.concatenate([grid, (grid[:-1] + np.diff(grid) / 2)[coarse]]))
+            law = drive.actuators(path, steering, limits.steering_angle)
+            if len(path.s) == 2:
+                return path, law
+            grid = _refined(path.s, law.steering, law.wheel)
+            if len(grid) == len(path.s) or len(grid) > _GRID_MAX:
+                return path, law
+            path = piece.body_path(grid)
     except InadmissibleTwist as error:
         raise LimitsInfeasible(f"the steering limits do not allow the path: {error}") from error
 
 
-def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
+@kernel
+def _refined(grid: Array, steering: Array, wheel: Array) -> Array:
+    """The grid (n,), its coarse intervals cut into as many parts as their changes of steering angles and w
+    call for, a few at most."""
+    scale, size = 1e-300, 1
+    for w in wheel.flat:
+        scale = max(scale, abs(w))
+    parts = np.ones(len(grid) - 1, np.int64)
+    for i in range(len(parts)):
+        most = 1.0
+        for j in range(steering.shape[1]):
+            most = max(most, abs(steering[i + 1, j] - steering[i, j]) / _STEERING_STEP)
+        for j in range(wheel.shape[1]):
+            most = max(most, abs(wheel[i + 1, j] - wheel[i, j]) / (_WHEEL_STEP * scale))
+        parts[i] = math.ceil(min(most, _PARTS))
+        size += parts[i]
+    fine, k = np.empty(size), 0
+    for i in range(len(parts)):
+        for part in range(parts[i]):
+            fine[k] = grid[i] + (grid[i + 1] - grid[i]) * part / parts[i]
+            k += 1
+    fine[k] = grid[-1]
+    return fine
+
+
+def _driven(piece: Curve, path: BodyPath, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
     """The piece from rest to rest: as fast as may be where jerk is unlimited or w is constant."""
-    needed = law.steering[0]
-    a, b, x_max = _rows(piece.body_path(grid), law, limits)
-    constant = np.ptp(a, axis=0).max(initial=0.0) <= 1e-9 * np.abs(a).max() and not np.abs(b).max() > 1e-9
+    grid, needed = path.s, law.steering[0]
+    a, b, x_max = _rows(path, law, limits)
+    constant = _constant(a, b)
     if constant:
         with np.errstate(divide="ignore"):
             jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
@@ -122,6 +150,20 @@ def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: 
         over = excess(Driven(piece, smooth, grid, needed), _halved(smooth.time), drive, limits)
         tried.append(smooth.slowed(over))
     return Driven(piece, min(tried, key=lambda smooth: smooth.duration), grid, needed)
+
+
+@kernel
+def _constant(a: Array, b: Array) -> bool:
+    """Whether the rows a, b (n, r) of limits are the same all along."""
+    most = spread = 0.0
+    for j in range(a.shape[1]):
+        low = high = a[0, j]
+        for i in range(len(a)):
+            low, high = min(low, a[i, j]), max(high, a[i, j])
+            if abs(b[i, j]) > 1e-9:
+                return False
+        most, spread = max(most, abs(low), abs(high)), max(spread, high - low)
+    return bool(spread <= 1e-9 * most)
 
 
 def _sharp(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
@@ -140,17 +182,39 @@ def _halved(knots: Array) -> Array:
 
 def _slowed(profile: Profile, piece: Curve, drive: Drive, limits: Limits, steering: Array) -> Profile:
     """The profile, slowed as a whole by what it exceeds a limit between the points that it was made for."""
-    time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
-    s, rate, acceleration = profile.at(time)
-    s = np.clip(s, 0.0, 1.0)
-    first = np.flatnonzero(np.diff(s, prepend=-1.0) > 0)
-    s = s[first]
+    s, x, acceleration = _between(profile.time, profile.position, profile.velocity, profile.acceleration)
     path = piece.body_path(s)
     a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
-    x = rate[first] ** 2
-    over = np.abs(a * acceleration[first, None] + b * x[:, None]).max(1)
-    slower = math.sqrt(max(1.0, float(over.max()), float((x / x_max).max())))
-    return profile.slowed(slower)
+    return profile.slowed(math.sqrt(_used(a, b, x_max, x, acceleration)))
+
+
+@kernel
+def _between(
+    time: Array, position: Array, velocity: Array, acceleration: Array
+) -> tuple[Array, Array, Array]:
+    """s, ṡ² and s̈ at points of every segment of a profile without jerk, where s gains."""
+    most = len(_BETWEEN) * len(position)
+    s, x, change = np.empty(most), np.empty(most), np.empty(most)
+    n, last = 0, -1.0
+    for i in range(len(position)):
+        for share in _BETWEEN:
+            u = share * (time[i + 1] - time[i])
+            at = min(1.0, max(0.0, position[i] + u * (velocity[i] + u * acceleration[i] / 2)))
+            if at > last:
+                s[n], x[n], change[n] = at, (velocity[i] + u * acceleration[i]) ** 2, acceleration[i]
+                n, last = n + 1, at
+    return s[:n].copy(), x[:n].copy(), change[:n].copy()
+
+
+@kernel
+def _used(a: Array, b: Array, x_max: Array, x: Array, acceleration: Array) -> float:
+    """The largest share of a limit that ṡ² and s̈ (n,) use, at least 1."""
+    most = 1.0
+    for i in range(len(a)):
+        most = max(most, x[i] / x_max[i])
+        for j in range(a.shape[1]):
+            most = max(most, abs(a[i, j] * acceleration[i] + b[i, j] * x[i]))
+    return most
 
 
 def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
@@ -229,13 +293,10 @@ def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
     if result != ruckig.Result.Working:
         raise LimitsInfeasible(f"no motion meets the limits: {result}")
     p = found.profiles[0][0]
-    time = np.concatenate([[0.0], np.cumsum(p.t)])
-    keep = np.flatnonzero(np.array(p.t) > 0)
-    a, j = np.array(p.a[:7]), np.array(p.j)
-    return Profile(
-        np.append(time[keep], time[-1]) * unit, np.array(p.p[:7])[keep], np.array(p.v[:7])[keep] / unit,
-        a[keep] / unit**2, j[keep] / unit**3,
-    )  # fmt: skip
+    segments = [each for each in zip(p.t, p.p, p.v, p.a, p.j, strict=False) if each[0] > 0]
+    duration, way, v, a, j = (np.array(column) for column in zip(*segments, strict=True))
+    time = np.concatenate([[0.0], np.cumsum(duration)])
+    return Profile(time * unit, way, v / unit, a / unit**2, j / unit**3)
 
 
 class _Samples(AbstractGeometricPath):  # type: ignore[misc]
@@ -294,22 +355,34 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
 
 def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
     """The largest ṡ² (n,) from rest to rest, nan if there is none: TOPPRA's two passes (Pham and Pham, 2018,
-    algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable."""
+    algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable.
+
+    No program is solved whose answer is plain: where ṡ² can be at its own bound from one point to the next,
+    or once it is as large as is controllable and can stay so."""
     solver = seidelWrapper([rows], _Samples(), grid)
     solver.setup_solver()
     solve, last = solver.solve_stagewise_optim, len(grid) - 1
     x = np.full(len(grid), np.nan)
-    most = [0.0] * len(grid)
+    step = 2 * np.diff(grid)
+    top, double = rows.x_max.tolist(), step.tolist()
+    holding, holds = _holding(rows.a, rows.b, rows.x_max, step)
+    change, free = holding.tolist(), holds.tolist()
+    most = [*top[:-1], 0.0]
     upwards = np.array([1e-9, -1.0])
     for i in range(last - 1, -1, -1):
-        most[i] = float(solve(i, None, upwards, math.nan, math.nan, 0.0, most[i + 1])[1])
-        if math.isnan(most[i]):
+        if free[i] and most[i + 1] == top[i + 1]:
+            continue
+        u, found = solve(i, None, upwards, math.nan, math.nan, 0.0, most[i + 1])
+        most[i] = max(float(found), 0.0)
+        if math.isnan(found):
             return x
-        most[i] = max(most[i], 0.0)
-    ahead = np.column_stack([-2 * np.diff(grid), np.full(last, -1.0)])
-    double = (2 * np.diff(grid)).tolist()
+        change[i], free[i] = float(u), abs(found + double[i] * u - most[i + 1]) < 0.1 * _TINY
+    ahead = np.column_stack([-step, np.full(last, -1.0)])
     x[0] = at = 0.0
     for i in range(last):
+        if free[i] and most[i] - at <= 2 * _TINY:
+            x[i + 1] = at = min(most[i + 1], max(0.0, at + double[i] * change[i]))
+            continue
         for _ in range(_TRIES):
             u = float(solve(i, None, ahead[i], at, at, 0.0, most[i + 1])[0])
             if not math.isnan(u):
@@ -319,6 +392,18 @@ def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
         x[i + 1] = at = min(most[i + 1], max(0.0, at - _TINY, (1 - _RELATIVE) * at))
     solver.close_solver()
     return x
+
+
+@kernel
+def _holding(a: Array, b: Array, x_max: Array, step: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """s̈ (n - 1,) that keeps ṡ² at its bound from one point to the next, and whether the rows allow it."""
+    u, free = np.empty(len(step)), np.empty(len(step), np.bool_)
+    for i in range(len(step)):
+        u[i], free[i] = (x_max[i + 1] - x_max[i]) / step[i], True
+        for k in (i, i + 1):
+            for j in range(a.shape[1]):
+                free[i] &= abs(a[k, j] * u[i] + b[k, j] * x_max[k]) <= 1.0
+    return u, free
 
 
 def _smoothed(sharp: Profile, spacing: float) -> Profile:
