@@ -14,16 +14,7 @@ import numpy as np
 from drives.se2 import Array
 from planner.tree import kernel
 
-__all__ = ["agreement", "all_finite", "body", "ends", "route", "steering", "wheels"]
-
-
-@kernel
-def all_finite(column: Array) -> bool:
-    """Whether all numbers of a column (n, c) are finite."""
-    odd = 0
-    for value in column.flat:
-        odd += not abs(value) < np.inf
-    return odd == 0
+__all__ = ["agreement", "body", "ends", "route", "steering", "wheels"]
 
 
 @kernel

@@ -22,6 +22,10 @@ __all__ = ["Rolled", "moved", "points", "roll"]
 _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WHOLE = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
+_STAGES = len(_NODES) + 1
+"""Points an interval: the sample that begins it, then its nodes."""
+_BLOCK = 1024
+"""Intervals rolled at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,14 +42,19 @@ class Rolled:
 
 def roll(problem: Problem, schedule: WheelSchedule) -> Rolled:
     """Roll the wheels forward from the start."""
-    time = schedule.time
-    _, rates = _cubic(time, schedule.wheel_angle, schedule.wheel_velocity)
-    steering, steering_rates = _cubic(time, schedule.steering_angle, schedule.steering_rate)
-    twist, slip = problem.robot.drive.forward(rates.T, steering.T, steering_rates.T)
-    columns = np.ascontiguousarray(twist.T)
-    pose, path, length = _travel(*problem.start, time, columns)
+    time, forward = schedule.time, problem.robot.drive.forward
     n = len(time)
-    return Rolled(pose, np.ascontiguousarray(columns[:, :n].T), slip[:n], path, length)
+    pose, twist, slip = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    path = np.empty((_STAGES * (n - 1) + 1, 4))
+    pose[0] = problem.start
+    # Block by block, so that what lies between stays in the processor's cache.
+    for first in range(0, max(n - 1, 1), _BLOCK):
+        part = slice(first, first + _BLOCK + 1)
+        rates = _cubic(time[part], schedule.wheel_angle[part], schedule.wheel_velocity[part])[1]
+        turned = _cubic(time[part], schedule.steering_angle[part], schedule.steering_rate[part])
+        moves, slips = forward(rates.T, *(each.T for each in turned))
+        _travel(first, time, np.ascontiguousarray(moves.T), slips, pose, twist, slip, path)
+    return Rolled(pose, twist, slip, path, float(moved(pose, 0.0)[-1]))
 
 
 @kernel
@@ -71,46 +80,49 @@ def _cubic(time: Array, value: Array, slope: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> tuple[Array, Array, float]:
-    """Poses (n, 3) at the samples of a body from a pose on, its twists (3, 4n - 3) integrated; poses and
-    times (4n - 3, 4) at samples and nodes, in order of time; and the length of the way from sample to sample.
+def _travel(
+    first: int, time: Array, twists: Array, slips: Array, pose: Array, twist: Array, slip: Array, path: Array
+) -> None:
+    """Integrate a block of twists (3, 4k - 3) that begins at sample `first`, whose pose is known.
+
+    What is found goes into poses (n, 3), twists (n, 3) and slip (n,) at the samples, and into the path
+    (4n - 3, 4): poses and times at samples and nodes.
     """
-    n, nodes = len(time), len(_NODES)
-    poses, path = np.empty((n, 3)), np.empty(((nodes + 1) * n - nodes, 4))
+    nodes = len(_NODES)
+    n = (twists.shape[1] + nodes) // _STAGES
     gained = np.zeros(3)
     velocity = np.empty((nodes, 2))
-    length = 0.0
-    for i in range(n):
-        at = (nodes + 1) * i
-        poses[i, 0], poses[i, 1], poses[i, 2] = x + gained[0], y + gained[1], theta + gained[2]
-        path[at, 0], path[at, 1], path[at, 2], path[at, 3] = poses[i, 0], poses[i, 1], poses[i, 2], time[i]
-        if i > 0:
-            length += math.sqrt((poses[i, 0] - poses[i - 1, 0]) ** 2 + (poses[i, 1] - poses[i - 1, 1]) ** 2)
-        if i == n - 1:
+    x, y, theta = pose[first, 0], pose[first, 1], pose[first, 2]
+    for k in range(n):
+        i = first + k
+        at = _STAGES * i
+        pose[i, 0], pose[i, 1], pose[i, 2] = x + gained[0], y + gained[1], theta + gained[2]
+        twist[i, 0], twist[i, 1], twist[i, 2], slip[i] = twists[0, k], twists[1, k], twists[2, k], slips[k]
+        path[at, 0], path[at, 1], path[at, 2], path[at, 3] = pose[i, 0], pose[i, 1], pose[i, 2], time[i]
+        if k == n - 1:
             break
         h = time[i + 1] - time[i]
         turn = 0.0
-        for k in range(nodes):
+        for a in range(nodes):
             part = 0.0
-            for j in range(nodes):
-                part += _PARTS[k, j] * twist[2, n + j * (n - 1) + i]
-            node = n + k * (n - 1) + i
-            heading = poses[i, 2] + h * part
-            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[0, node], twist[1, node]
-            velocity[k, 0], velocity[k, 1] = c * vx - s * vy, s * vx + c * vy
-            path[at + 1 + k, 2], path[at + 1 + k, 3] = heading, time[i] + h * _NODES[k]
-            turn += _WHOLE[k] * twist[2, node]
+            for b in range(nodes):
+                part += _PARTS[a, b] * twists[2, n + b * (n - 1) + k]
+            node = n + a * (n - 1) + k
+            heading = pose[i, 2] + h * part
+            c, s, vx, vy = math.cos(heading), math.sin(heading), twists[0, node], twists[1, node]
+            velocity[a, 0], velocity[a, 1] = c * vx - s * vy, s * vx + c * vy
+            path[at + 1 + a, 2], path[at + 1 + a, 3] = heading, time[i] + h * _NODES[a]
+            turn += _WHOLE[a] * twists[2, node]
         gained[2] += h * turn
         for axis in range(2):
             way = 0.0
-            for k in range(nodes):
+            for a in range(nodes):
                 part = 0.0
-                for j in range(nodes):
-                    part += _PARTS[k, j] * velocity[j, axis]
-                path[at + 1 + k, axis] = path[at, axis] + h * part
-                way += _WHOLE[k] * velocity[k, axis]
+                for b in range(nodes):
+                    part += _PARTS[a, b] * velocity[b, axis]
+                path[at + 1 + a, axis] = path[at, axis] + h * part
+                way += _WHOLE[a] * velocity[a, axis]
             gained[axis] += h * way
-    return poses, path, length
 
 
 @kernel

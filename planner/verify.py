@@ -176,7 +176,7 @@ def _unreadable(problem: Problem, schedule: WheelSchedule) -> list[str]:
         column, shape = getattr(schedule, name), (n, *tail.get(name.split("_")[0], (3,)))
         if column.shape != shape:
             faults.append(f"{name} has shape {column.shape}, not {shape}")
-        elif not gauges.all_finite(column):
+        elif not np.isfinite(column).all():
             faults.append(f"{name} is not finite in sample {np.argwhere(~np.isfinite(column))[0, 0]}")
     if faults:
         return faults
@@ -330,9 +330,7 @@ def _nearest(
         halves[::2, 3] = halves[1::2, 2] = near
     if len(stretches):
         # The samples themselves: a cusp may come nearer than its surroundings.
-        begin, end = np.sort(stretches[:, :2].T)
-        i = np.searchsorted(begin, way, side="right") - 1
-        at = way[(i >= 0) & (way <= end[i])]
+        at = _among(way, stretches)
         nearest, where = min((nearest, where), _least(look(at), at))
     return nearest, points(path, way, np.array([where]))[0]
 
@@ -358,6 +356,20 @@ def _halved(stretches: Array, enough: float, fine: float) -> tuple[Array, Array]
         halves[2 * wide, 1] = halves[2 * wide + 1, 0] = at[wide]
         wide += 1
     return np.concatenate((kept[:few], halves[: 2 * wide])), at[:wide]
+
+
+@kernel
+def _among(way: Array, stretches: Array) -> Array:
+    """Those of increasing ways (n,) that lie in stretches (k, 4), disjoint but for their ends."""
+    found, size = np.empty(len(way)), 0
+    for begin, end in stretches[np.argsort(stretches[:, 0]), :2]:
+        for i in range(np.searchsorted(way, begin), len(way)):
+            if way[i] > end:
+                break
+            if size == 0 or way[i] > found[size - 1]:
+                found[size] = way[i]
+                size += 1
+    return found[:size].copy()
 
 
 def _least(values: Array, at: Array) -> tuple[float, float]:
