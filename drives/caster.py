@@ -9,9 +9,9 @@ a linear system in 2×2 matrices,
 solved by one matrix exponential where the tangent is constant (straights, arcs), however long the step, and
 to fourth order by the Magnus series elsewhere (Iserles et al., 2000, sect. 4). Written on the angle,
 
-    β = β0 + 2 arg α + 2 arg(1 + g·exp(-iβ0)),    g = γ/α,    |g| < 1,
+    β = β0 + 2 arg(α + γ·exp(-iβ0)),    |γ| < |α|,
 
-it never leaves the circle and never loses a turn.
+it never leaves the circle and, as arg α stays small in every step, never loses a turn.
 """
 
 from __future__ import annotations
@@ -62,16 +62,16 @@ def _swing(
             t, t_rise = -h / 2 * turn[i], -h / 2 * (turn[i + 1] - turn[i])
             t0, t1 = -h * h / 2 * turn_change[i], -h * h / 2 * turn_change[i + 1]
             pieces = _steps(
-                max(abs(q) + abs(t), abs(q + q_rise) + abs(t + t_rise)),
-                max(abs(q_rise) + abs(t_rise), abs(q0) + abs(t0), abs(q1) + abs(t1)),
+                max(_size(q, t), _size(q + q_rise, t + t_rise)),
+                max(_size(q_rise, t_rise), _size(q0, t0), _size(q1, t1)),
                 max(abs(t), abs(t + t_rise)),
             )
             for k in range(pieces):
                 u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
                 ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
                 qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
-                half_turn, pull = _magnus(ta, tb, qa, qb, 1.0 / pieces)
-                angle += 2 * half_turn + 2 * cmath.phase(1 + pull * cmath.rect(1.0, -angle))
+                gain = _magnus(ta, tb, qa, qb, 1.0 / pieces, cmath.rect(1.0, -angle))
+                angle += 2 * cmath.phase(gain)
             beta[i + 1, j] = angle
     return beta
 
@@ -80,12 +80,17 @@ _GAUSS = math.sqrt(3) / 6
 
 
 @njit(cache=True, error_model="numpy")
+def _size(q: complex, t: float) -> float:
+    return math.sqrt(q.real * q.real + q.imag * q.imag) + abs(t)
+
+
+@njit(cache=True, error_model="numpy")
 def _steps(size: float, change: float, turn: float) -> int:
     """How many steps an interval takes, over which the linear system's matrix, of this size, changes by
     `change`: what the fourth-order series leaves out goes with its commutators. In one step the body turns by
     2 rad at most."""
     left_out = size * change * (size * size / 45 + change / 30)
-    needed = max((left_out / ACCURACY) ** 0.25, turn)
+    needed = max(math.sqrt(math.sqrt(left_out / ACCURACY)), turn)
     return int(min(max(math.ceil(needed), 1), FINEST)) if math.isfinite(needed) else 1
 
 
@@ -96,12 +101,16 @@ def _cubic(begin: complex, rise: complex, first: complex, last: complex, u: floa
 
 
 @njit(cache=True, error_model="numpy")
-def _magnus(t1: float, t2: float, q1: complex, q2: complex, h: float) -> tuple[float, complex]:
-    """The step (arg α, g) over h of [i·t q; q̄ -i·t], given t and q at the interval's two Gauss points."""
+def _magnus(t1: float, t2: float, q1: complex, q2: complex, h: float, back: complex) -> complex:
+    """α + γ·back, up to a positive factor, of the step over h of [i·t q; q̄ -i·t], given t and q at the
+    interval's two Gauss points."""
     skew = math.sqrt(3) / 12 * h * h
     t = h / 2 * (t1 + t2) - 2 * skew * (q1 * q2.conjugate()).imag
     q = h / 2 * (q1 + q2) - 2j * skew * (t1 * q2 - t2 * q1)
     square = q.real * q.real + q.imag * q.imag - t * t
-    root = max(math.sqrt(abs(square)), 1e-9)  # below it both quotients are 1 to the last bit
-    factor = (math.tanh(root) if square >= 0 else math.tan(root)) / root
-    return math.atan(t * factor), q * factor / complex(1.0, t * factor)
+    if abs(square) < 1e-3:  # tanh(√x)/√x, or tan where x < 0, to the last bit
+        factor = 1 - square * (1 / 3 - square * (2 / 15 - square * (17 / 315 - square * 62 / 2835)))
+    else:
+        root = math.sqrt(abs(square))
+        factor = (math.tanh(root) if square >= 0 else math.tan(root)) / root
+    return 1.0 + factor * (q * back + complex(0.0, t))
