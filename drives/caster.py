@@ -22,10 +22,11 @@ import math
 import numpy as np
 from numba import njit
 
-from drives.drive import BodyPath
+from drives.drive import ActuatorPath, BodyPath
 from drives.se2 import Array
+from drives.wheel import velocity_at
 
-__all__ = ["swing"]
+__all__ = ["caster_law"]
 
 FINEST = 64
 """Most steps an interval is cut into: a grid that needs more does not resolve the caster."""
@@ -34,20 +35,42 @@ ACCURACY = 5e-10
 """What the steps over an interval may err by, rad."""
 
 
-def swing(path: BodyPath, p: Array, dp: Array, start: Array, offset: float) -> Array:
-    """Angles β (n, m) rad of casters of this offset (m) that stand at start (m,) as the path begins.
+def caster_law(
+    path: BodyPath, x: Array, y: Array, radius: float, offset: float, start: Array
+) -> ActuatorPath:
+    """The actuator law along a path of casters whose steering axes are at (x, y) (m,), of this wheel radius
+    and offset (m), and which stand at start (m,) rad as it begins.
 
-    p, dp (n, m, 2): velocity of each steering axis, body frame, per unit of s, and its derivative. Accurate
-    to 1e-8 where the path's samples resolve the offset.
+    The angles are accurate to 1e-8 where the path's samples resolve the offset.
     """
-    turn, change = path.tangent[:, 2].copy(), path.tangent_derivative[:, 2].copy()
-    return np.asarray(_swing(path.s, turn, change, p, dp, start, offset))
+    tangent, change = np.ascontiguousarray(path.tangent), np.ascontiguousarray(path.tangent_derivative)
+    p, dp = velocity_at(x, y, tangent), velocity_at(x, y, change)
+    beta = _swing(path.s, tangent[:, 2].copy(), change[:, 2].copy(), p, dp, start, offset)
+    return ActuatorPath(*_law(tangent[:, 2].copy(), p, dp, beta, radius, offset))
+
+
+@njit(cache=True, error_model="numpy")
+def _law(
+    turn: Array, p: Array, dp: Array, beta: Array, radius: float, offset: float
+) -> tuple[Array, Array, Array, Array]:
+    """w, w′, β and β′ (n, m), β given."""
+    w, dw, slope = np.empty(beta.shape), np.empty(beta.shape), np.empty(beta.shape)
+    for i in range(beta.shape[0]):
+        for j in range(beta.shape[1]):
+            c, s = math.cos(beta[i, j]), math.sin(beta[i, j])
+            across = p[i, j, 1] * c - p[i, j, 0] * s
+            slope[i, j] = across / offset - turn[i]
+            w[i, j] = (p[i, j, 0] * c + p[i, j, 1] * s) / radius
+            dw[i, j] = (dp[i, j, 0] * c + dp[i, j, 1] * s + slope[i, j] * across) / radius
+    return w, dw, beta, slope
 
 
 @njit(cache=True, error_model="numpy")
 def _swing(
     s: Array, turn: Array, turn_change: Array, p: Array, dp: Array, start: Array, offset: float
 ) -> Array:
+    """Angles β (n, m). p, dp (n, m, 2): velocity of each steering axis, body frame, per unit of s, and its
+    derivative; turn and its change (n,): those of the body's heading."""
     n, m = len(s), len(start)
     beta = np.empty((n, m))
     for j in range(m):

@@ -58,8 +58,10 @@ def rolling_row(x: Array | float, y: Array | float, heading: Array | float) -> A
 
 def velocity_at(x: Array, y: Array, twists: Array) -> Array:
     """Velocities (n, m, 2), body frame, of the m points (x, y) (m,) of bodies moving with twists (n, 3)."""
-    vx, vy, omega = twists[:, :1], twists[:, 1:2], twists[:, 2:]
-    return np.stack([vx - omega * y, vy + omega * x], axis=-1)
+    found = np.empty((len(twists), len(x), 2))
+    found[..., 0] = twists[:, :1] - twists[:, 2:] * y
+    found[..., 1] = twists[:, 1:2] + twists[:, 2:] * x
+    return found
 
 
 def rigid_motion(
