@@ -93,7 +93,7 @@ def _swing(
                 u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
                 ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
                 qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
-                gain = _magnus(ta, tb, qa, qb, 1.0 / pieces, cmath.rect(1.0, -angle))
+                gain = _magnus(ta.real, tb.real, qa, qb, 1.0 / pieces, cmath.rect(1.0, -angle))
                 angle += 2 * cmath.phase(gain)
             beta[i + 1, j] = angle
     return beta

@@ -162,7 +162,8 @@ class Driven:
             out.steering_rate, out.twist,
         )  # fmt: skip
         out.pose[rows] = self.piece.poses(s)
-        return angle + turned[-1]
+        end: Array = angle + turned[-1]
+        return end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
