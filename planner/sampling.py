@@ -1,6 +1,8 @@
-"""How motions are sampled, compiled: a profile's polynomials, the union of grids, columns of a schedule."""
+"""How paths and motions are sampled, compiled: grids, a profile's polynomials, columns of a schedule."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +10,14 @@ from numpy.typing import NDArray
 from drives.se2 import Array
 from planner.tree import kernel
 
-__all__ = ["fill", "integral", "polynomials", "union"]
+__all__ = ["between", "fill", "integral", "polynomials", "refined", "union"]
+
+_BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
+_STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
+"""Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
+interval."""
+_PARTS = 8
+"""Parts that an interval is cut into at once, at most."""
 
 
 @kernel
@@ -99,3 +108,44 @@ def union(grid: Array, at: Array) -> tuple[Array, NDArray[np.intp]]:
         else:
             i += 1
     return every[:n].copy(), here
+
+
+@kernel
+def refined(grid: Array, steering: Array, wheel: Array) -> Array:
+    """The grid (n,), its coarse intervals cut into as many parts as their changes of steering angles and w
+    call for, a few at most."""
+    scale, size = 1e-300, 1
+    for w in wheel.flat:
+        scale = max(scale, abs(w))
+    parts = np.ones(len(grid) - 1, np.int64)
+    for i in range(len(parts)):
+        most = 1.0
+        for j in range(steering.shape[1]):
+            most = max(most, abs(steering[i + 1, j] - steering[i, j]) / _STEERING_STEP)
+        for j in range(wheel.shape[1]):
+            most = max(most, abs(wheel[i + 1, j] - wheel[i, j]) / (_WHEEL_STEP * scale))
+        parts[i] = math.ceil(min(most, _PARTS))
+        size += parts[i]
+    fine, k = np.empty(size), 0
+    for i in range(len(parts)):
+        for part in range(parts[i]):
+            fine[k] = grid[i] + (grid[i + 1] - grid[i]) * part / parts[i]
+            k += 1
+    fine[k] = grid[-1]
+    return fine
+
+
+@kernel
+def between(time: Array, position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+    """s, ṡ² and s̈ at points of every segment of a profile without jerk, where s gains."""
+    most = len(_BETWEEN) * len(position)
+    s, x, change = np.empty(most), np.empty(most), np.empty(most)
+    n, last = 0, -1.0
+    for i in range(len(position)):
+        for share in _BETWEEN:
+            u = share * (time[i + 1] - time[i])
+            at = min(1.0, max(0.0, position[i] + u * (velocity[i] + u * acceleration[i] / 2)))
+            if at > last:
+                s[n], x[n], change[n] = at, (velocity[i] + u * acceleration[i]) ** 2, acceleration[i]
+                n, last = n + 1, at
+    return s[:n].copy(), x[:n].copy(), change[:n].copy()

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import ruckig
-from numpy.typing import NDArray
 from toppra.constraint import DiscretizationType, LinearConstraint
 from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
 from toppra.interpolator import AbstractGeometricPath
@@ -24,26 +23,21 @@ from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
 from drives.se2 import Array, Pose
+from planner import rows, sampling
 from planner.errors import LimitsInfeasible
 from planner.path import Curve
 from planner.retime import excess
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
-from planner.tree import kernel
 
 __all__ = ["cruising_speed", "time_path"]
 
-_GRID_SWINGING, _GRID_MAX, _PARTS = 96, 3000, 8
-"""Intervals to begin with where wheels trail; points, and parts that an interval is cut into at once, at
-most."""
+_GRID_SWINGING, _GRID_MAX = 96, 3000
+"""Intervals to begin with where wheels trail; points at most."""
 _GRID = (1 - np.cos(np.linspace(0.0, math.pi, 49))) / 2
 """Points to begin with: closer together towards the ends, where s gains little in much time."""
 _TINY, _RELATIVE, _TRIES = 1e-8, 1e-4, 10
 """By how much ṡ² is kept below what TOPPRA finds controllable, the smaller of absolute and relative, and how
 often it is lowered by ten times that where rounding has made a step infeasible."""
-_BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
-_STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
-"""Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
-interval."""
 _SMOOTHING = (0.5, 0.7, 1.0, 1.5)
 """Tried in turn: how far apart the control points of a smoothed law are, in units of the time in which
 acceleration builds up."""
@@ -71,7 +65,7 @@ def time_path(path: Sequence[Curve], drive: Drive, limits: Limits, steering: Arr
 def cruising_speed(drive: Drive, limits: Limits, path: BodyPath) -> Array:
     """The largest ṡ (n,) that limits of rates alone allow along a path. Trailing wheels are taken to
     have swung round."""
-    _, _, x_max = _rows(path, drive.settled.actuators(path), limits)
+    _, _, x_max = rows.limit_rows(path, drive.settled.actuators(path), limits)
     speed: Array = np.sqrt(x_max)
     return speed
 
@@ -97,7 +91,7 @@ def _grid(
             law = drive.actuators(path, steering, limits.steering_angle)
             if len(path.s) == 2:
                 return path, law
-            grid = _refined(path.s, law.steering, law.wheel)
+            grid = sampling.refined(path.s, law.steering, law.wheel)
             if len(grid) == len(path.s) or len(grid) > _GRID_MAX:
                 return path, law
             path = piece.body_path(grid)
@@ -105,36 +99,11 @@ def _grid(
         raise LimitsInfeasible(f"the steering limits do not allow the path: {error}") from error
 
 
-@kernel
-def _refined(grid: Array, steering: Array, wheel: Array) -> Array:
-    """The grid (n,), its coarse intervals cut into as many parts as their changes of steering angles and w
-    call for, a few at most."""
-    scale, size = 1e-300, 1
-    for w in wheel.flat:
-        scale = max(scale, abs(w))
-    parts = np.ones(len(grid) - 1, np.int64)
-    for i in range(len(parts)):
-        most = 1.0
-        for j in range(steering.shape[1]):
-            most = max(most, abs(steering[i + 1, j] - steering[i, j]) / _STEERING_STEP)
-        for j in range(wheel.shape[1]):
-            most = max(most, abs(wheel[i + 1, j] - wheel[i, j]) / (_WHEEL_STEP * scale))
-        parts[i] = math.ceil(min(most, _PARTS))
-        size += parts[i]
-    fine, k = np.empty(size), 0
-    for i in range(len(parts)):
-        for part in range(parts[i]):
-            fine[k] = grid[i] + (grid[i + 1] - grid[i]) * part / parts[i]
-            k += 1
-    fine[k] = grid[-1]
-    return fine
-
-
 def _driven(piece: Curve, path: BodyPath, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
     """The piece from rest to rest: as fast as may be where jerk is unlimited or w is constant."""
     grid, needed = path.s, law.steering[0]
-    a, b, x_max = _rows(path, law, limits)
-    constant = _constant(a, b)
+    a, b, x_max = rows.limit_rows(path, law, limits)
+    constant = rows.is_constant(a, b)
     if constant:
         with np.errstate(divide="ignore"):
             jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
@@ -150,20 +119,6 @@ def _driven(piece: Curve, path: BodyPath, law: ActuatorPath, drive: Drive, limit
         over = excess(Driven(piece, smooth, grid, needed), _halved(smooth.time), drive, limits)
         tried.append(smooth.slowed(over))
     return Driven(piece, min(tried, key=lambda smooth: smooth.duration), grid, needed)
-
-
-@kernel
-def _constant(a: Array, b: Array) -> bool:
-    """Whether the rows a, b (n, r) of limits are the same all along."""
-    most = spread = 0.0
-    for j in range(a.shape[1]):
-        low = high = a[0, j]
-        for i in range(len(a)):
-            low, high = min(low, a[i, j]), max(high, a[i, j])
-            if abs(b[i, j]) > 1e-9:
-                return False
-        most, spread = max(most, abs(low), abs(high)), max(spread, high - low)
-    return bool(spread <= 1e-9 * most)
 
 
 def _sharp(grid: Array, a: Array, b: Array, x_max: Array) -> Profile:
@@ -182,87 +137,12 @@ def _halved(knots: Array) -> Array:
 
 def _slowed(profile: Profile, piece: Curve, drive: Drive, limits: Limits, steering: Array) -> Profile:
     """The profile, slowed as a whole by what it exceeds a limit between the points that it was made for."""
-    s, x, acceleration = _between(profile.time, profile.position, profile.velocity, profile.acceleration)
+    s, x, acceleration = sampling.between(
+        profile.time, profile.position, profile.velocity, profile.acceleration
+    )
     path = piece.body_path(s)
-    a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
-    return profile.slowed(math.sqrt(_used(a, b, x_max, x, acceleration)))
-
-
-@kernel
-def _between(
-    time: Array, position: Array, velocity: Array, acceleration: Array
-) -> tuple[Array, Array, Array]:
-    """s, ṡ² and s̈ at points of every segment of a profile without jerk, where s gains."""
-    most = len(_BETWEEN) * len(position)
-    s, x, change = np.empty(most), np.empty(most), np.empty(most)
-    n, last = 0, -1.0
-    for i in range(len(position)):
-        for share in _BETWEEN:
-            u = share * (time[i + 1] - time[i])
-            at = min(1.0, max(0.0, position[i] + u * (velocity[i] + u * acceleration[i] / 2)))
-            if at > last:
-                s[n], x[n], change[n] = at, (velocity[i] + u * acceleration[i]) ** 2, acceleration[i]
-                n, last = n + 1, at
-    return s[:n].copy(), x[:n].copy(), change[:n].copy()
-
-
-@kernel
-def _used(a: Array, b: Array, x_max: Array, x: Array, acceleration: Array) -> float:
-    """The largest share of a limit that ṡ² and s̈ (n,) use, at least 1."""
-    most = 1.0
-    for i in range(len(a)):
-        most = max(most, x[i] / x_max[i])
-        for j in range(a.shape[1]):
-            most = max(most, abs(a[i, j] * acceleration[i] + b[i, j] * x[i]))
-    return most
-
-
-def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
-    """a, b (n, r) and x_max (n,): |a·s̈ + b·ṡ²| <= 1 and ṡ² <= x_max say all the limits but jerk."""
-    body = (
-        limits.linear_speed, limits.angular_speed, limits.linear_acceleration, limits.lateral_acceleration,
-        limits.steering_rate,
-    )  # fmt: skip
-    # Copies, so that one kernel serves them all.
-    a, b, x_max = _all_rows(*(np.array(each, dtype=np.float64, order="C") for each in (
-        path.tangent, path.tangent_derivative, law.wheel, law.wheel_derivative, law.steering_derivative,
-        limits.wheel_speed, limits.wheel_acceleration, body,
-    )))  # fmt: skip
-    return a, b, x_max
-
-
-@kernel
-def _all_rows(
-    along: Array,
-    change: Array,
-    wheel: Array,
-    wheel_change: Array,
-    steering_change: Array,
-    wheel_speed: Array,
-    wheel_acceleration: Array,
-    body: Array,
-) -> tuple[Array, Array, Array]:
-    speed, turn, acceleration, side, steering_rate = body
-    n, m = wheel.shape
-    a, b, x_max = np.empty((n, m + 1)), np.empty((n, m + 1)), np.empty(n)
-    for i in range(n):
-        vx, vy, omega = along[i, 0], along[i, 1], along[i, 2]
-        v = math.sqrt(vx * vx + vy * vy)
-        tangential = bend = 0.0
-        if v > 0.0:
-            tangential = (vx * change[i, 0] + vy * change[i, 1]) / v
-            bend = (vx * change[i, 1] - vy * change[i, 0]) / v
-        # Turn of the direction of travel in the world: of the body, and of the velocity in the body.
-        slowest = max(v / speed, abs(omega) / turn, math.sqrt(abs(omega * v + bend) / side))
-        for j in range(m):
-            a[i, j] = wheel[i, j] / wheel_acceleration[j]
-            b[i, j] = wheel_change[i, j] / wheel_acceleration[j]
-            slowest = max(slowest, abs(wheel[i, j]) / wheel_speed[j])
-        a[i, m], b[i, m] = v / acceleration, tangential / acceleration
-        for j in range(steering_change.shape[1]):
-            slowest = max(slowest, abs(steering_change[i, j]) / steering_rate)
-        x_max[i] = 1.0 / (slowest * slowest) if slowest > 0.0 else np.inf
-    return a, b, x_max
+    a, b, x_max = rows.limit_rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
+    return profile.slowed(math.sqrt(rows.most_used(a, b, x_max, x, acceleration)))
 
 
 def _steady(a: float, x_max: float, jerk: float) -> Profile:
@@ -337,10 +217,10 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     # In a unit of time near the answer: TOPPRA's tolerances are absolute.
     used = np.abs(a).max(0) > 1e-9
     unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
-    rows = _ActuatorConstraint(
+    limited = _ActuatorConstraint(
         a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6), scheme
     )
-    rate = np.sqrt(_controlled(rows, grid))
+    rate = np.sqrt(_controlled(limited, grid))
     if not np.isfinite(rate).all():
         return None
     rate /= unit
@@ -353,19 +233,19 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
 
 
-def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
+def _controlled(limited: _ActuatorConstraint, grid: Array) -> Array:
     """The largest ṡ² (n,) from rest to rest, nan if there is none: TOPPRA's two passes (Pham and Pham, 2018,
     algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable.
 
     No program is solved whose answer is plain: where ṡ² can be at its own bound from one point to the next,
     or once it is as large as is controllable and can stay so."""
-    solver = seidelWrapper([rows], _Samples(), grid)
+    solver = seidelWrapper([limited], _Samples(), grid)
     solver.setup_solver()
     solve, last = solver.solve_stagewise_optim, len(grid) - 1
     x = np.full(len(grid), np.nan)
     step = 2 * np.diff(grid)
-    top, double = rows.x_max.tolist(), step.tolist()
-    holding, holds = _holding(rows.a, rows.b, rows.x_max, step)
+    top, double = limited.x_max.tolist(), step.tolist()
+    holding, holds = rows.holding(limited.a, limited.b, limited.x_max, step)
     change, free = holding.tolist(), holds.tolist()
     most = [*top[:-1], 0.0]
     upwards = np.array([1e-9, -1.0])
@@ -392,18 +272,6 @@ def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
         x[i + 1] = at = min(most[i + 1], max(0.0, at - _TINY, (1 - _RELATIVE) * at))
     solver.close_solver()
     return x
-
-
-@kernel
-def _holding(a: Array, b: Array, x_max: Array, step: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """s̈ (n - 1,) that keeps ṡ² at its bound from one point to the next, and whether the rows allow it."""
-    u, free = np.empty(len(step)), np.empty(len(step), np.bool_)
-    for i in range(len(step)):
-        u[i], free[i] = (x_max[i + 1] - x_max[i]) / step[i], True
-        for k in (i, i + 1):
-            for j in range(a.shape[1]):
-                free[i] &= abs(a[k, j] * u[i] + b[k, j] * x_max[k]) <= 1.0
-    return u, free
 
 
 def _smoothed(sharp: Profile, spacing: float) -> Profile:
