@@ -6,8 +6,12 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import anyio
+import numpy as np
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
 from fastapi_offline import FastAPIOffline
@@ -40,7 +44,10 @@ from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
 from api.tokens import Guard, Tokens
 from api.validation import validated
+from drives.se2 import Pose
+from planner.environment import check_simple_polygon, prepare_map
 from planner.errors import PlanningError
+from planner.problem import MapLayer
 from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app", "scheduler_of"]
@@ -66,7 +73,9 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
         app.state.maps.sweep()
         workers.start()
         app.state.batches.start()
+        warming = asyncio.create_task(anyio.to_thread.run_sync(_warm_up, abandon_on_cancel=True))
         yield
+        warming.cancel()
         await app.state.batches.close()
         await workers.close()
 
@@ -115,6 +124,14 @@ def scheduler_of(settings: Settings) -> Scheduler:
     except ImportError as error:
         raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
     return Cluster(address, settings.queue_length, settings.queue_timeout)
+
+
+def _warm_up() -> None:
+    """Loads the kernels that the server itself calls; its first clients would wait for that."""
+    check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    with TemporaryDirectory() as folder:
+        np.save(Path(folder) / "cells.npy", np.eye(3, dtype=np.int8))
+        prepare_map(MapLayer("", Path(folder), 1.0, Pose(0.0, 0.0, 0.0), "occupied"))
 
 
 def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:

@@ -56,7 +56,9 @@ class Settings:
     worker_memory: Annotated[int, "what a worker may allocate before it is stopped, bytes; 0: anything"] = (
         2 << 30
     )
-    queue_length: Annotated[int, "plans that may wait for a worker before new ones are refused"] = 64
+    queue_length: Annotated[int, "plans that may wait for a worker before new ones are refused"] = field(
+        default_factory=lambda: 8 * _cores()
+    )
     queue_timeout: Annotated[float, "how long a plan may wait for a worker, s"] = 10.0
     max_time_budget: Annotated[float, "the largest time_budget a client may ask for, s"] = 30.0
     deadline_grace: Annotated[float, "a plan is stopped this long after its time_budget has ended, s"] = 5.0

@@ -54,6 +54,8 @@ def _field_error(error: ErrorDetails, at: tuple[str, ...]) -> dict[str, Any]:
         given = given.get("type") if isinstance(given, dict) else None
         kind = "missing" if kind == "union_tag_not_found" else kind
     name = _name(parts)
+    if kind == "string_pattern_mismatch" and parts[-1] == "[key]":
+        parts, name = parts[:-1], f"A name in {_name(parts[:-2])}"
     if isinstance(given, bool | int | str) or (isinstance(given, float) and math.isfinite(given)):
         short = given if not isinstance(given, str) else given[:40]
         found = {"value": short}
@@ -72,7 +74,14 @@ def _field_error(error: ErrorDetails, at: tuple[str, ...]) -> dict[str, Any]:
     elif kind in ("too_short", "too_long"):
         least = kind == "too_short"
         bound = f"{'>=' if least else '<='} {limits['min_length' if least else 'max_length']}"
-        detail = f"{name} has {limits['actual_length']} items; it must have {bound}."
+        # Of an object too long pydantic does not say how long it is.
+        detail = f"{name} has {limits['actual_length'] or len(given)} items; it must have {bound}."
+    elif kind == "string_pattern_mismatch":
+        bound = f"match {limits['pattern']}"
+        detail = f"{name} is {shown}; it must {bound}."
+    elif kind == "string_too_long":
+        bound = f"<= {limits['max_length']} characters"
+        detail = f"{name} has {len(given)} characters; it must have {bound}."
     elif kind == "literal_error" or kind == "union_tag_invalid":
         bound = f"one of {limits.get('expected') or limits['expected_tags']}"
         detail = f"{name} is {shown}; it must be {bound}."
@@ -110,7 +119,7 @@ def _name(parts: tuple[str | int, ...]) -> str:
     indices = ""
     for part in reversed(parts):
         if isinstance(part, str):
-            return (part if part.isprintable() else ascii(part))[:60] + indices
+            return (part if part.strip() and part.isprintable() else ascii(part))[:60] + indices
         indices = f"[{part}]" + indices
     return f"The body{indices}"
 
@@ -121,7 +130,7 @@ def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
-        return f"{value:.12g}"
+        return str(value) if isinstance(value, int) else f"{value:.12g}"
     if isinstance(value, str):
         return f'"{value[:40]}"' if value.isprintable() else ascii(value[:40])
     return "an array" if isinstance(value, list) else "an object"

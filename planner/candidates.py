@@ -12,7 +12,7 @@ import numpy as np
 from drives.drive import Limits
 from drives.se2 import Pose
 from planner.bow import bowed
-from planner.connect import Connector
+from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time, reversals
@@ -49,11 +49,12 @@ _HASTE = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A timed motion from the start to a goal. planner: who found its path; optimized: whether it was
-    since."""
+    """A timed motion from the start to a goal. planner: who found its path; found: that path, before it was
+    shortened; optimized: whether the motion was since."""
 
     planner: str
     timed: Phases
+    found: Path
     optimized: bool = False
 
 
@@ -62,9 +63,10 @@ def candidates(
 ) -> Iterator[list[Candidate]]:
     """Motions to choose from, each list with the fastest first; at least one motion, or a PlanningError.
 
-    Effort first: one, with stops. Good: one list of a few, and of what optimizing the best of them gives;
-    then, for those whom no optimized one of these will do, what optimizing them with patience gives. Best:
-    list after list as time allows, of whatever is found: with stops, then optimized.
+    Effort first: one, with stops. Good: one list of a few, one of them as quick with stops as first's, and of
+    what optimizing the best of them gives; then, for those whom no optimized one of these will do, what
+    optimizing them with patience gives. Best: list after list as time allows, of whatever is found: with
+    stops, then optimized.
     """
     effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
     optimizer = Optimizer(problem, local.world, watch.is_over)
@@ -72,7 +74,7 @@ def candidates(
     def optimized(near: Candidate, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
         faster = by.faster(near.timed, rounds)
         watch.lap("optimize")
-        return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
+        return [] if faster is None else [replace(near, timed=faster, optimized=True)]
 
     def bow(near: Candidate) -> list[Candidate]:
         driven = [phase for phase in near.timed.phases if isinstance(phase, Driven)]
@@ -80,12 +82,13 @@ def candidates(
         if drive.settled is not drive and len(driven) == 1 and isinstance(driven[0].piece, LinePiece):
             faster = bowed(driven[0].piece, near.timed, problem, local.world, watch.is_over)
             watch.lap("optimize")
-        return [] if faster is None else [Candidate(near.planner, faster, optimized=True)]
+        return [] if faster is None else [replace(near, timed=faster, optimized=True)]
 
     if effort == "best":
         known: set[float] = set()
         for near in _stopping(problem, local, goals, watch):
-            stopping = _hastened([near], limits)
+            stopping = [near] if known else [near, *_plain(problem, local, goals, near, watch)]
+            stopping = _hastened(sorted(stopping, key=_duration), limits, watch)
             watch.lap("optimize")
             yield stopping
             # A search often finds the same way again.
@@ -95,13 +98,13 @@ def candidates(
             known.add(duration)
         return
     stopping = list(_stopping(problem, local, goals, watch))
-    found = list(stopping)
+    found, first = list(stopping), stopping[0]
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
     if effort == "good" and drive.settled is drive:
         stopping.sort(key=lambda near: flowing_time(near.timed, limits))
         best: tuple[float, Candidate] | None = None
         for near in stopping[:_GOOD_TRIES]:
-            if watch.is_over():
+            if watch.is_over(optimizer.longest):
                 break
             if best is not None:
                 hope = _HOPE if reversals(best[1].timed) else 1.0
@@ -111,26 +114,30 @@ def candidates(
                 found += faster
                 if best is None or faster[0].timed.duration < best[0]:
                     best = faster[0].timed.duration, near
+    if effort == "good" and (local.flows or first.planner != "direct"):
+        found += _plain(problem, local, goals, first, watch)
     found.sort(key=_duration)
     if effort == "good":
-        found = _hastened(found, limits)
+        found = _hastened(found, limits, watch)
         watch.lap("optimize")
     yield found
     if effort == "good" and drive.settled is drive:
         patient = replace(optimizer, iterations=_PATIENCE)
         for near in stopping[:_GOOD_TRIES]:
-            if not watch.is_over() and flowing_time(near.timed, limits) < _HASTE * near.timed.duration:
+            if watch.is_over(optimizer.longest * _PATIENCE / optimizer.iterations):
+                break
+            if flowing_time(near.timed, limits) < _HASTE * near.timed.duration:
                 yield optimized(near, _GOOD_ROUNDS, patient)
 
 
-def _hastened(found: list[Candidate], limits: Limits) -> list[Candidate]:
+def _hastened(found: list[Candidate], limits: Limits, watch: Stopwatch) -> list[Candidate]:
     """Those that may become the fastest retimed, the fastest first."""
     best = math.inf
     found = list(found)
     for i, near in enumerate(found):
         if _HASTE * near.timed.duration < best:
             if not near.optimized:
-                found[i] = replace(near, timed=hastened(near.timed, limits))
+                found[i] = replace(near, timed=hastened(near.timed, limits, watch.is_over))
             best = min(best, found[i].timed.duration)
     return sorted(found, key=_duration)
 
@@ -172,16 +179,17 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
 
     for planner, path in ways():
         watch.lap("search")
+        shorter = path
         if planner != "direct":
             if count and watch.is_over():
                 break
-            path = shorten(path, local, quick=options.effort == "first")
+            shorter = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
         try:
-            timed = time_path(path, robot.drive, robot.limits, problem.steering)
-            _refuse_if_endless(path, timed, problem)
+            timed = time_path(shorter, robot.drive, robot.limits, problem.steering)
+            _refuse_if_endless(shorter, timed, problem)
             watch.lap("time")
-            yield Candidate(planner, timed)
+            yield Candidate(planner, timed, path)
         except LimitsInfeasible as error:
             refused = refused or error
         else:
@@ -201,6 +209,27 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
         raise refused or NoPathFound(
             f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried
         )
+
+
+def _plain(
+    problem: Problem, local: Connector, goals: list[Pose], near: Candidate, watch: Stopwatch
+) -> list[Candidate]:
+    """What effort first makes of a way found, or of a direct one: others are the quickest once they flow, but
+    not all of them can be made to."""
+    robot = problem.robot
+    quick = connector(robot, local.world, replace(problem.options, effort="first"))
+    path = next(_direct(problem.start, quick, goals), None)
+    planner = "direct" if path else near.planner
+    path = path or shorten(near.found, quick, quick=True)
+    watch.lap("shorten")
+    try:
+        timed = time_path(path, robot.drive, robot.limits, problem.steering)
+        _refuse_if_endless(path, timed, problem)
+    except LimitsInfeasible:
+        return []
+    finally:
+        watch.lap("time")
+    return [Candidate(planner, timed, path)]
 
 
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:

@@ -21,7 +21,7 @@ from drives.se2 import Array, Pose
 from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, winding, within
 
 __all__ = [
-    "CONTACT", "World", "body_point", "clear", "clearances", "contained", "field_bounds", "fill_field",
+    "CONTACT", "World", "beyond", "body_point", "clear", "clearances", "field_bounds", "fill_field",
     "footprint_heading", "pose_clearance", "pose_clearance_at_least", "pose_free", "solid", "to_local",
 ]  # fmt: skip
 
@@ -94,7 +94,7 @@ def fill_field(world: World) -> None:
                         best = world[k]
                     else:
                         if not before[row] > 1.0000001 * step:  # a boundary may lie between the last and this
-                            turns[row] -= winding(world, solids, fences, x - step, y, x)
+                            turns[row] -= winding(world, solids, fences, (j - 0.5) * step, y, x)
                         best = min(world[k], before[row] + 1.0000001 * step)
                     if count > _NEAR:
                         best = nearest(world, solids, field, x, y, best)
@@ -230,12 +230,14 @@ def pose_free(world: World, x: float, y: float, theta: float) -> bool:
 
 
 @kernel
-def contained(world: World, x: float, y: float, theta: float) -> bool:
-    """Whether the footprint at a pose lies inside the bounds and the map's outline, whatever stands there."""
+def beyond(world: World, x: float, y: float, theta: float) -> float:
+    """How far (m) the footprint at a pose sticks out of the bounds and the map's outline; negative: how far
+    it stays inside, whatever stands there."""
     px, py, heading = to_local(world, x, y, theta)
     heading = footprint_heading(world, heading)
     c, s = math.cos(heading), math.sin(heading)
     i, stop = int(world[BODY]), int(world[DISCS])
+    most = -np.inf
     while i < stop:
         count = int(world[i + 5])
         i += HEAD
@@ -243,9 +245,8 @@ def contained(world: World, x: float, y: float, theta: float) -> bool:
             vx, vy = px + c * world[i] - s * world[i + 1], py + s * world[i] + c * world[i + 1]
             i += SIZE
             for k in range(int(world[WALLS]), int(world[SOLIDS]), 3):
-                if not world[k] * vx + world[k + 1] * vy >= world[k + 2] + world[RADIUS]:
-                    return False
-    return True
+                most = max(most, world[k + 2] + world[RADIUS] - world[k] * vx - world[k + 1] * vy)
+    return most
 
 
 @kernel

@@ -16,8 +16,8 @@ from drives.se2 import Array, Pose, Twist
 from planner.collision import (
     TABLES,
     World,
+    beyond,
     clearances,
-    contained,
     fill_field,
     pose_clearance,
     pose_clearance_at_least,
@@ -106,9 +106,10 @@ class CollisionWorld:
         """Whether the clearance at a pose is more than min_clearance, contact (1e-5 m) excluded."""
         return bool(pose_free(self.kernel, float(pose[0]), float(pose[1]), float(pose[2])))
 
-    def contained(self, pose: Pose) -> bool:
-        """Whether the footprint at a pose lies inside the bounds and the map's outline, free or not."""
-        return bool(contained(self.kernel, float(pose[0]), float(pose[1]), float(pose[2])))
+    def beyond(self, pose: Pose) -> float:
+        """How far (m) the footprint at a pose sticks out of the bounds and the map's outline; not positive:
+        it lies inside them, free or not."""
+        return float(beyond(self.kernel, float(pose[0]), float(pose[1]), float(pose[2])))
 
     def linear_free(self, a: Pose, b: Pose) -> bool:
         """Whether every pose from a to b, interpolated in x, y and theta as given (not wrapped), is free."""
@@ -135,7 +136,7 @@ def warm_up() -> None:
     a, b = Pose(0.0, 0.0, 0.0), Pose(1.0, 0.0, 0.5)
     world.clearance(np.array([a, b]))
     world.is_free(a)
-    world.contained(a)
+    world.beyond(a)
     world.linear_free(a, b)
     world.twist_free(a, Twist(1.0, 0.0, 0.5))
     world.polyline_free(np.array([a, b]))

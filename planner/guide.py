@@ -56,7 +56,8 @@ class Guide:
         self._used: list[Array] = []
 
     def route(self, along: bool, backwards: bool = True) -> Route | None:
-        """The next one, or None where the lattice has none, even one whose nodes keep off the walls."""
+        """The next one, or None where the lattice has none, even one whose nodes keep off the walls, or where
+        there is no way to go, as from a pose to one turned on the spot."""
         world = self.world
         way = self._shortest()
         if len(way) < 2 and not self._aligned:
@@ -66,6 +67,8 @@ class Guide:
             return None
         self._used.append(way)
         way, tight = self._led(smooth(world, way, self._radius + self._spacing / 2), along)
+        if len(way) < 2:
+            return None
         out = way @ np.array([[world[COS], world[SIN]], [-world[SIN], world[COS]]]) + world[[X, Y]]
         fixed = None if math.isnan(world[HEADING]) else float(world[HEADING] + world[YAW])
         return Route(out, self._point, self._roomy, fixed, self.start, along, tight, backwards)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from time import perf_counter
 
 import numpy as np
@@ -72,7 +72,7 @@ class Optimizer:
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
-                    made = hastened(made, limits)
+                    made = hastened(made, limits, partial(self.is_over, 0.0))
                     return made if made.duration < motion.duration else None
         knots = _knots(motion, limits, _SPACING)
         best = motion
@@ -97,7 +97,7 @@ class Optimizer:
         if runs is None and knots > WINDOW:
             runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
         made = None if runs is None else self._slowed(runs)
-        return None if made is None else hastened(made, self.problem.robot.limits)
+        return None if made is None else hastened(made, self.problem.robot.limits, partial(self.is_over, 0.0))
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
         found = None if self.is_over(self.longest) else self._in_corridor(guess, begin)

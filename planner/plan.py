@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 from drives.drive import BodyPath
 from drives.se2 import Pose, wrap
 from planner.candidates import Candidate, candidates
+from planner.collision import CONTACT
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
-from planner.errors import AuditFailed, PlanningError, PoseInCollision, PoseOutOfBounds
+from planner.errors import AuditFailed, PoseInCollision, PoseOutOfBounds
 from planner.problem import Problem
 from planner.schedule import WheelSchedule, schedule, standstill
 from planner.stopwatch import Stopwatch
@@ -24,6 +26,8 @@ __all__ = ["Plan", "plan"]
 
 _HEADINGS = 16
 _SAME = 1e-9
+_SLOWER = (1.2, 1.5, 2.0, 3.0)
+"""By how much a motion is slowed, tried in turn, where none passes its check."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +59,7 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
     local = connector(robot, world, options)
     watch.lap("prepare")
     best: Plan | None = None
-    refused: PlanningError | None = None
+    refused: tuple[Candidate, AuditFailed] | None = None
     for found in candidates(problem, local, goals, watch):
         for candidate in found:
             if best is not None and candidate.timed.duration >= best.duration:
@@ -63,7 +67,7 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
             try:
                 best = _certified(problem, world, local, candidate, watch)
             except AuditFailed as failure:
-                refused = refused or failure
+                refused = refused or (candidate, failure)
             else:
                 if improved is not None and options.effort == "best":
                     improved(best)
@@ -71,8 +75,25 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
             break
     if best is None:
         assert refused is not None
-        raise refused
+        best = _slower(problem, world, local, *refused, watch)
     return replace(best, planning=best.planning | _planning(problem, watch))
+
+
+def _slower(
+    problem: Problem,
+    world: CollisionWorld,
+    local: Connector,
+    candidate: Candidate,
+    refused: AuditFailed,
+    watch: Stopwatch,
+) -> Plan:
+    """A motion that was refused, slower: where samples are far apart, less happens between them. Raises what
+    it was refused for."""
+    for by in _SLOWER:
+        slower = replace(candidate, timed=candidate.timed.slowed(by))
+        with suppress(AuditFailed):
+            return _certified(problem, world, local, slower, watch)
+    raise refused
 
 
 def _certified(
@@ -121,17 +142,18 @@ def _goals(problem: Problem, world: CollisionWorld) -> list[Pose]:
 
 
 def _check(which: Any, pose: Pose, world: CollisionWorld, min_clearance: float) -> None:
-    if not world.contained(pose):
-        raise PoseOutOfBounds(which, f"the footprint at the {which} leaves the bounds or the map", pose)
+    if (beyond := world.beyond(pose)) > 0:
+        where = f"the footprint at the {which} leaves the bounds or the map by {beyond:.6g} m"
+        raise PoseOutOfBounds(which, where, pose)
     if not world.is_free(pose):
-        short = float(world.clearance(np.array([pose]))[0]) - min_clearance
-        needed = f" by min_clearance {min_clearance:g} m" if min_clearance else ""
-        raise PoseInCollision(
-            which,
-            f"the footprint at the {which} does not clear the obstacles{needed}: {short:.4f} m",
-            pose,
-            short,
-        )
+        clearance = float(world.clearance(np.array([pose]))[0])
+        at = f"the footprint at the {which}"
+        if clearance < 0:
+            why = f"{at} overlaps an obstacle, by {-clearance:.6g} m or more"
+        else:
+            least = f"min_clearance + {CONTACT:g} m = {min_clearance + CONTACT:.6g} m"
+            why = f"{at} is {clearance:.6g} m from an obstacle or a bound; it must be more than {least}"
+        raise PoseInCollision(which, why, pose, clearance - min_clearance)
 
 
 def _same(a: Pose, b: Pose) -> bool:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -47,17 +48,17 @@ _EFFORT = 0.3
 """What σ⃛ is weighed with, in units of a mean interval: it settles what the limits leave open."""
 
 
-def hastened(motion: Phases, limits: Limits) -> Phases:
-    """The motion, each of its phases retimed where jerk is limited and that may help."""
+def hastened(motion: Phases, limits: Limits, is_over: Callable[[], bool] = lambda: False) -> Phases:
+    """The motion, each of its phases retimed where jerk is limited and that may help, until is_over."""
     if not np.isfinite(limits.wheel_jerk).any():
         return motion
 
     def faster(phase: Phase) -> Phase:
         match phase:
             case Flowing():
-                return retimed(phase, phase.time, motion.drive, limits)
+                return retimed(phase, phase.time, motion.drive, limits, is_over)
             case Driven(fastest=False):
-                return retimed(phase, phase.profile.time, motion.drive, limits)
+                return retimed(phase, phase.profile.time, motion.drive, limits, is_over)
             case _:
                 return phase
 
@@ -72,12 +73,16 @@ def excess(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> float:
     return _rates(phase, knots, drive, limits).excess()
 
 
-def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
-    """The phase, or a faster one along the same way that keeps all limits.
+def retimed(
+    phase: Phase, knots: Array, drive: Drive, limits: Limits, is_over: Callable[[], bool] = lambda: False
+) -> Phase:
+    """The phase, or the fastest one found until is_over along the same way that keeps all limits.
 
     The phase starts and ends at rest without acceleration of the wheels. knots (n,) s: times between which
     its wheels' accelerations are smooth, its ends included.
     """
+    if is_over():
+        return phase
     stations = _stations(knots, _size(phase.duration, len(knots) - 1, limits))
     given = _rates(phase, stations, drive, limits)
     slack = given.excess()
@@ -92,7 +97,7 @@ def retimed(phase: Phase, knots: Array, drive: Drive, limits: Limits) -> Phase:
         slower = law.slowed(made.excess())
         if slower.duration < best.duration:
             best = Warped(phase, slower)
-        if made.excess() < 1 + _EXACT:
+        if made.excess() < 1 + _EXACT or is_over():
             break
         # Between stations it goes too far somewhere: there let it keep away from the limits by as much.
         given = given.tightened(np.maximum(made.worst().reshape(-1, 2).max(1), 1.0))

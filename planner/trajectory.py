@@ -44,6 +44,16 @@ class Phases:
     def duration(self) -> float:
         return math.fsum(phase.duration for phase in self.phases)
 
+    def slowed(self, by: float) -> Phases:
+        """The same motion in `by` times the time."""
+        law = np.array([[0.0], [1 / by], [0.0], [0.0]])
+        return Phases(
+            self.drive,
+            tuple(
+                Warped(phase, Profile(np.array([0.0, by * phase.duration]), *law)) for phase in self.phases
+            ),
+        )
+
     def sample(self, time: Array) -> WheelSchedule:
         """The motion at times (n,), which must increase within [0, duration]."""
         n, m, k = len(time), len(self.drive.wheel_names), len(self.drive.steered_names)

@@ -74,8 +74,9 @@ BY_MEDIA_TYPE = {each.media_type: each for each in FORMATS.values()}
 def find_format(name: str) -> Format:
     """The format of this name. Raises FieldErrors."""
     if name not in FORMATS:
-        detail = f"format must be one of {', '.join(FORMATS)}."
-        raise FieldErrors([{"parameter": "format", "detail": detail, "value": name[:40]}])
+        bound = f"one of {', '.join(FORMATS)}"
+        detail = f"format is {name[:40]!r}; it must be {bound}."
+        raise FieldErrors([{"parameter": "format", "detail": detail, "value": name[:40], "bound": bound}])
     return FORMATS[name]
 
 

@@ -213,6 +213,21 @@ def test_the_sentence_names_field_value_and_bound(client, body):
     }
 
 
+@pytest.mark.parametrize(("name", "escaped"), [("", ""), ("a/b", "a~1b"), ("é", "é")])
+def test_a_bad_name_of_a_wheel_is_itself_what_is_wrong(client, body, name, escaped):
+    body["robot"]["limits"]["wheel_speed"] = {name: 1.0}
+    (error,) = client.post("/v1/plans", json=body).json()["errors"]
+    assert error["pointer"] == f"/robot/limits/wheel_speed/{escaped}"
+    assert error["detail"] == f'A name in wheel_speed is "{name}"; it must {error["bound"]}.'
+    assert error["value"] == name
+
+
+def test_too_many_steering_angles_are_counted(client, body):
+    body["start"]["steering"] = {f"wheel_{i}": 0.0 for i in range(33)}
+    (error,) = client.post("/v1/plans", json=body).json()["errors"]
+    assert error["detail"] == "steering has 33 items; it must have <= 32."
+
+
 def test_a_time_budget_that_nobody_gave_is_never_too_long(client, settings, planner_, body):
     client.app.state.settings = replace(settings, max_time_budget=0.25)
     del body["options"]

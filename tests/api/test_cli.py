@@ -84,11 +84,11 @@ def test_the_drives_are_listed(capsysbinary):
 
 
 def test_the_settings_are_listed_with_what_is_set_now(monkeypatch, capsys):
-    monkeypatch.setenv("WHEELPLAN_QUEUE_LENGTH", "7")
+    monkeypatch.setenv("WHEELPLAN_MAX_MAPS", "7")
     assert cli.main(["settings"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    (line,) = [line for line in lines if line.startswith("WHEELPLAN_QUEUE_LENGTH")]
-    assert line.split()[1:3] == ["7", "64"]
+    (line,) = [line for line in lines if line.startswith("WHEELPLAN_MAX_MAPS")]
+    assert line.split()[1:3] == ["7", "1000"]
     assert len(lines) == 1 + len(fields(Settings))
     assert all(len(line.split("  ")[-1]) > 9 for line in lines[1:]), "each has a meaning"
 

@@ -156,7 +156,7 @@ def test_settings_come_from_the_environment():
     given = {"WHEELPLAN_PORT": "9000", "WHEELPLAN_DATA_DIR": "/maps", "WHEELPLAN_MAX_TIME_BUDGET": "5.5"}
     settings = Settings.from_environment(given)
     assert (settings.port, str(settings.data_dir), settings.max_time_budget) == (9000, "/maps", 5.5)
-    assert (settings.host, settings.queue_length) == ("127.0.0.1", 64)
+    assert (settings.host, settings.max_maps) == ("127.0.0.1", 1000)
 
 
 @pytest.mark.parametrize(
@@ -187,6 +187,6 @@ def test_a_page_for_operators_gives_the_settings_defaults():
     page = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
     given = {row[0].strip("` "): row[1].strip() for line in page.splitlines()
              if len(row := line.split("|")[1:3]) == 2}  # fmt: skip
-    machine = {"WHEELPLAN_DATA_DIR", "WHEELPLAN_WORKERS"}
+    machine = {"WHEELPLAN_DATA_DIR", "WHEELPLAN_WORKERS", "WHEELPLAN_QUEUE_LENGTH"}
     for name, _, default, _ in Settings().table():
         assert name in machine or given[name] == (default or "none"), name

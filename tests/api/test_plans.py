@@ -86,6 +86,7 @@ def test_an_accept_that_cannot_be_met_is_refused_before_planning(client, body, p
 def test_an_unknown_format_is_an_invalid_request(client, body):
     answer = client.post("/v1/plans?format=xml", json=body)
     assert (answer.status_code, answer.json()["code"]) == (422, "invalid-request")
+    assert answer.json()["errors"][0]["detail"].startswith("format is 'xml'; it must be one of json, csv")
 
 
 def test_gzip_is_used_only_for_those_who_accept_it(client, body):

@@ -232,12 +232,12 @@ def test_a_fixed_heading_is_kept_in_a_turned_map(tmp_path: Path) -> None:
         assert world.clearance(np.array([[-0.8, 2.0, theta]]))[0] == pytest.approx(0.3)
 
 
-def test_contained_asks_for_bounds_and_map_but_not_for_obstacles(tmp_path: Path) -> None:
+def test_it_lies_beyond_bounds_or_map_by_so_much_whatever_the_obstacles(tmp_path: Path) -> None:
     layer = write_map(tmp_path, np.ones((40, 40)), 0.1, Pose(0.0, 0.0, math.pi / 4))
     world = CollisionWorld.build(Environment(Bounds(-9, -9, 9, 3), map=layer), rectangle(1.0, 1.0))
-    assert world.contained(Pose(0.0, 2.0, 0.0))
-    assert not world.contained(Pose(0.0, 2.51, 0.0))  # past the bounds
-    assert not world.contained(Pose(1.8, 2.0, 0.0))  # past the map
+    assert world.beyond(Pose(0.0, 2.0, 0.0)) <= 0
+    assert world.beyond(Pose(0.0, 2.51, 0.0)) == pytest.approx(0.01)  # past the bounds
+    assert world.beyond(Pose(1.8, 2.0, 0.0)) > 0  # past the map
 
 
 @pytest.mark.parametrize("far", [6.0, 1e6, 1e300])
@@ -245,7 +245,7 @@ def test_poses_far_outside_are_hits_with_a_finite_clearance(far: float) -> None:
     world = CollisionWorld.build(Environment(ROOM, (Circle(0, 0, 1),)), rectangle(1, 0.5))
     for x, y in ((far, 0.0), (0.0, -far), (-far, far)):
         assert not world.is_free(Pose(x, y, 1.0))
-        assert not world.contained(Pose(x, y, 1.0))
+        assert world.beyond(Pose(x, y, 1.0)) > 0
         assert world.clearance(np.array([[x, y, 1.0]]))[0] < -0.4
 
 

@@ -197,6 +197,13 @@ def test_without_a_jerk_limit_nothing_changes(robot: Callable[..., Robot]) -> No
     assert hastened(motion, example.limits) is motion
 
 
+def test_nothing_is_retimed_once_time_is_over(robot: Callable[..., Robot]) -> None:
+    example = robot("differential", wheel_jerk=40.0)
+    motion = Phases(example.drive, (gentle(example.drive, curved(example), 6.0),))
+    assert hastened(motion, example.limits, lambda: True).phases == motion.phases
+    assert hastened(motion, example.limits).duration < motion.duration
+
+
 def test_a_wheel_that_does_not_turn_and_one_without_limit_are_no_trouble() -> None:
     drive = Mecanum(0.05, 0.3, 0.4)
     limits = replace(

@@ -6,7 +6,7 @@ code of the error.
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -49,6 +49,8 @@ def test_row(row: dict[str, Any]) -> None:
         return
     problem = to_problem(validated(PlanRequest, row["request"]), no_map, 60.0)
     made = plan(problem)
+    at_once = plan(replace(problem, options=replace(problem.options, effort="first")))
+    assert made.duration <= at_once.duration * (1 + 1e-6), row["wrong"]
     found, goal, pose = asdict(made.certificate), problem.goal, made.schedule.pose
     assert all(value <= 1.001 for name, value in found.items() if name.endswith("_ratio")), row["wrong"]
     assert found["slip"] < 1e-9

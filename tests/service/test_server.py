@@ -21,6 +21,7 @@ from tests.service.service import (
     in_background,
     serving,
     slow,
+    stat,
     until,
 )  # fmt: skip
 
@@ -105,6 +106,15 @@ def test_a_full_queue_answers_429_and_a_plan_that_outlasts_the_grace_of_a_shutdo
         for status, _, body in [join() for join in joins]:
             assert (status, json.loads(body)["code"]) == (503, "draining")
         assert server.process.wait(5) == 0
+
+
+def test_the_first_plan_costs_the_server_no_loading(tmp_path):
+    corners = [[2.0, -3.0], [3.0, -3.0], [3.0, -2.0]]
+    walled = QUICK["environment"] | {"obstacles": [{"type": "polygon", "vertices": corners}]}
+    with serving(tmp_path) as server:
+        used = stat(server.process.pid)[2]
+        assert server.call("/v1/plans", QUICK | {"environment": walled})[0] == 200
+        assert (stat(server.process.pid)[2] - used) / os.sysconf("SC_CLK_TCK") < 0.15
 
 
 def test_a_shutdown_finishes_the_plans_in_flight_and_leaves_nothing_behind(tmp_path):
