@@ -60,5 +60,4 @@ class SteeredModules(Drive):
     @cached_property
     def _axes(self) -> tuple[Array, Array]:
         """Where the steering axes stand: x (m,) and y (m,)."""
-        x, y = np.array([[m.x, m.y] for m in self.modules], dtype=float).T
-        return x, y
+        return np.array([float(m.x) for m in self.modules]), np.array([float(m.y) for m in self.modules])

@@ -116,9 +116,8 @@ class Profile:
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """s, ṡ and s̈ at times t (n,)."""
-        found: tuple[Array, Array, Array] = sampling.polynomials(
-            self.time, self.position, self.velocity, self.acceleration, self.jerk, t
-        )
+        columns = (self.time, self.position, self.velocity, self.acceleration, self.jerk, t)
+        found: tuple[Array, Array, Array] = sampling.polynomials(*map(np.ascontiguousarray, columns))
         return found
 
     def slowed(self, by: float) -> Profile:
