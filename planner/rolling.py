@@ -54,7 +54,9 @@ def roll(problem: Problem, schedule: WheelSchedule) -> Rolled:
         turned = _cubic(time[part], schedule.steering_angle[part], schedule.steering_rate[part])
         moves, slips = forward(rates.T, *(each.T for each in turned))
         _travel(first, time, np.ascontiguousarray(moves.T), slips, pose, twist, slip, path)
-    return Rolled(pose, twist, slip, path, float(moved(pose, 0.0)[-1]))
+    length = float(moved(pose, 0.0)[-1])
+    pose.flags.writeable = twist.flags.writeable = False  # as those of a schedule: one kernel serves both
+    return Rolled(pose, twist, slip, path, length)
 
 
 @kernel
