@@ -97,16 +97,18 @@ def _rigid_motion(
     k = len(steering)
     twist, slip = np.empty((3, n)), np.empty(n)
     c, s = np.ones(m), np.zeros(m)
-    rolled, slid = np.empty(m), np.zeros(m)
+    rolled, slid, angle = np.empty(m), np.zeros(m), np.full(k, np.nan)
     qx, qy, ux, uy = x.copy(), y.copy(), np.empty(m), np.empty(m)
     for i in range(n):
         px = py = vx = vy = 0.0
         for j in range(m):
             rolled[j] = radius * rates[j, i]
             if j < k:
-                c[j], s[j] = math.cos(steering[j, i]), math.sin(steering[j, i])
                 slid[j] = trail * swing[j, i]
-                qx[j], qy[j] = x[j] - trail * c[j], y[j] - trail * s[j]
+                if steering[j, i] != angle[j]:  # on lines and arcs it stays what it was
+                    angle[j] = steering[j, i]
+                    c[j], s[j] = math.cos(angle[j]), math.sin(angle[j])
+                    qx[j], qy[j] = x[j] - trail * c[j], y[j] - trail * s[j]
             ux[j], uy[j] = rolled[j] * c[j] - slid[j] * s[j], rolled[j] * s[j] + slid[j] * c[j]
             px, py, vx, vy = px + qx[j], py + qy[j], vx + ux[j], vy + uy[j]
         px, py, vx, vy = px / m, py / m, vx / m, vy / m

@@ -329,7 +329,7 @@ def _nearest(world: Surroundings, path: Array, way: Array, asked: float, known: 
         halves[::2, 3] = halves[1::2, 2] = near
     if len(stretches):
         # The samples themselves: a cusp may come nearer than its surroundings.
-        at = _among(way, stretches)
+        at = _among(way, stretches[np.argsort(stretches[:, 0])])
         nearest, where = min((nearest, where), _least(look(at), at))
     return nearest, points(path, way, np.array([where]))[0]
 
@@ -338,30 +338,27 @@ def _nearest(world: Surroundings, path: Array, way: Array, asked: float, known: 
 def _halved(stretches: Array, enough: float, fine: float) -> tuple[Array, Array]:
     """Of stretches (n, 4), where they begin and end, and the clearances there, those that may hold less than
     enough: first the fine ones, then the halves of others; and where these meet."""
-    n = len(stretches)
-    kept, halves, at = np.empty((n, 4)), np.empty((2 * n, 4)), np.empty(n)
-    few = wide = 0
-    for i in range(n):
-        begin, end, first, last = stretches[i]
-        if not (first + last - (end - begin)) / 2 < enough:
-            continue
-        if not end - begin > fine:
-            kept[few] = stretches[i]
-            few += 1
-            continue
-        at[wide] = begin + (end - begin) / 2
-        halves[2 * wide] = stretches[i]
-        halves[2 * wide + 1] = stretches[i]
-        halves[2 * wide, 1] = halves[2 * wide + 1, 0] = at[wide]
-        wide += 1
-    return np.concatenate((kept[:few], halves[: 2 * wide])), at[:wide]
+    n, wide = 0, 0
+    found, at = np.empty((2 * len(stretches), 4)), np.empty(len(stretches))
+    for fine_ones in (True, False):
+        for begin, end, first, last in stretches:
+            if not (first + last - (end - begin)) / 2 < enough or (end - begin > fine) == fine_ones:
+                continue
+            found[n] = begin, end, first, last
+            n += 1
+            if not fine_ones:
+                middle = begin + (end - begin) / 2
+                found[n - 1, 1], at[wide] = middle, middle
+                found[n] = middle, end, first, last
+                n, wide = n + 1, wide + 1
+    return found[:n], at[:wide]
 
 
 @kernel
 def _among(way: Array, stretches: Array) -> Array:
-    """Those of increasing ways (n,) that lie in stretches (k, 4), disjoint but for their ends."""
+    """Those of increasing ways (n,) that lie in stretches (k, 4), in order, disjoint but for their ends."""
     found, size = np.empty(len(way)), 0
-    for begin, end in stretches[np.argsort(stretches[:, 0]), :2]:
+    for begin, end in stretches[:, :2]:
         for i in range(np.searchsorted(way, begin), len(way)):
             if way[i] > end:
                 break
