@@ -309,13 +309,12 @@ def _nearest(world: Surroundings, path: Array, way: Array, asked: float, known: 
     where it is. way (n,) m: how far the footprint has moved; known m: a clearance elsewhere, what is larger
     than which does not matter."""
 
-    def look(at: Array) -> Array:
-        near = world.clearance(points(path, way, at)[:, :3])
-        return np.minimum(np.fmax(near, -_SATURATED), _SATURATED)  # no number: the lowest
+    def look(at: Array) -> tuple[Array, tuple[float, float]]:
+        near = np.ascontiguousarray(world.clearance(points(path, way, at)[:, :3]))
+        return near, _least(near, at, _SATURATED)
 
     at = np.linspace(0.0, way[-1], 1 + math.ceil(way[-1] / _COARSE))
-    near = look(at)
-    nearest, where = _least(near, at)
+    near, (nearest, where) = look(at)
     # Clearance changes by no more than the footprint moves, so most stretches cannot hold the smallest.
     stretches = np.column_stack([at[:-1], at[1:], near[:-1], near[1:]])
     while True:
@@ -323,14 +322,14 @@ def _nearest(world: Surroundings, path: Array, way: Array, asked: float, known: 
         stretches, at = _halved(stretches, least - _MARGIN * max(least - asked, 0.0), _FINE)
         if not len(at):
             break
-        near = look(at)
-        nearest, where = min((nearest, where), _least(near, at))
+        near, found = look(at)
+        nearest, where = min((nearest, where), found)
         halves = stretches[len(stretches) - 2 * len(at) :]
         halves[::2, 3] = halves[1::2, 2] = near
     if len(stretches):
         # The samples themselves: a cusp may come nearer than its surroundings.
         at = _among(way, stretches[np.argsort(stretches[:, 0])])
-        nearest, where = min((nearest, where), _least(look(at), at))
+        nearest, where = min((nearest, where), look(at)[1])
     return nearest, points(path, way, np.array([where]))[0]
 
 
@@ -368,7 +367,13 @@ def _among(way: Array, stretches: Array) -> Array:
     return found[:size].copy()
 
 
-def _least(values: Array, at: Array) -> tuple[float, float]:
-    """The smallest of some values, and where the first such is."""
-    i = int(np.argmin(values)) if len(values) else 0
-    return (float(values[i]), float(at[i])) if len(values) else (math.inf, 0.0)
+@kernel
+def _least(near: Array, at: Array, most: float) -> tuple[float, float]:
+    """The smallest clearance, and where the first such is; inf where there are none. All are brought within
+    ±most, what is no number to the lowest."""
+    least, where = np.inf, 0.0
+    for i in range(len(near)):
+        near[i] = min(near[i], most) if near[i] >= -most else -most
+        if near[i] < least:
+            least, where = near[i], at[i]
+    return least, where
