@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -112,8 +110,8 @@ def union(grid: Array, at: Array) -> tuple[Array, NDArray[np.intp]]:
 
 @kernel
 def refined(grid: Array, steering: Array, wheel: Array) -> Array:
-    """The grid (n,), its coarse intervals cut into as many parts as their changes of steering angles and w
-    call for, a few at most."""
+    """The grid (n,), its coarse intervals halved as often as their changes of steering angles and w call for,
+    a few times at most."""
     scale, size = 1e-300, 1
     for w in wheel.flat:
         scale = max(scale, abs(w))
@@ -124,7 +122,8 @@ def refined(grid: Array, steering: Array, wheel: Array) -> Array:
             most = max(most, abs(steering[i + 1, j] - steering[i, j]) / _STEERING_STEP)
         for j in range(wheel.shape[1]):
             most = max(most, abs(wheel[i + 1, j] - wheel[i, j]) / (_WHEEL_STEP * scale))
-        parts[i] = math.ceil(min(most, _PARTS))
+        while parts[i] < min(most, _PARTS):
+            parts[i] *= 2
         size += parts[i]
     fine, k = np.empty(size), 0
     for i in range(len(parts)):

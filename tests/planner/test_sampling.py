@@ -46,7 +46,7 @@ def test_a_grid_is_cut_where_steering_or_wheels_change_much_and_only_there() -> 
     grid = np.array([0.0, 1.0, 2.0, 3.0])
     steering, wheel = np.array([[0.0], [0.0], [0.1], [0.1]]), np.array([[1.0], [1.0], [1.0], [1.05]])
     found = sampling.refined(grid, steering, wheel)
-    np.testing.assert_allclose(found, [0, 1, 4 / 3, 5 / 3, 2, 2.5, 3])
+    np.testing.assert_allclose(found, [0, 1, 1.25, 1.5, 1.75, 2, 2.5, 3])
     np.testing.assert_array_equal(sampling.refined(grid, 0.3 * steering, 0 * wheel), grid)
 
 
