@@ -40,6 +40,8 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
+_DETOUR = 1.3
+"""At effort first, how much longer than the crow flies a way is where others are looked for."""
 _HOPE = 0.92
 """Share of its flowing time that a motion may take once it is optimized, where the best so far turns
 back."""
@@ -149,14 +151,15 @@ def _duration(candidate: Candidate) -> float:
 def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
     """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
     options, robot = problem.options, problem.robot
-    search = Search(local, problem.environment, problem.start, goals, options.seed)
+    search = Search(
+        local, problem.environment, problem.start, goals, options.seed,
+        lambda: _refuse_if_separated(problem, local.world),
+    )  # fmt: skip
     count = searched = 0
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
     found = list(islice(direct, 1))
-    if not found:
-        _refuse_if_separated(problem, local.world)
 
     def ways() -> Iterator[tuple[str, Path]]:
         for path in chain(found, direct):
@@ -177,6 +180,10 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
             case "best":
                 return False
 
+    def is_detour(path: Path) -> bool:
+        crow = math.dist(path[0].start[:2], path[-1].end[:2])
+        return sum(piece.length for piece in path) > _DETOUR * crow
+
     for planner, path in ways():
         watch.lap("search")
         shorter = path
@@ -185,6 +192,10 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
                 break
             shorter = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
+            if options.effort == "first" and is_detour(path):
+                others = [shorten(other, local, quick=True) for other in search.others(watch.is_over)]
+                path = min([path, *others], key=local.duration)
+                watch.lap("shorten")
         try:
             timed = time_path(shorter, robot.drive, robot.limits, problem.steering)
             _refuse_if_endless(shorter, timed, problem)

@@ -22,7 +22,8 @@ from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, windi
 
 __all__ = [
     "CONTACT", "World", "beyond", "body_point", "clear", "clearances", "field_bounds", "fill_field",
-    "footprint_heading", "pose_clearance", "pose_clearance_at_least", "pose_free", "solid", "to_local",
+    "footprint_heading", "pose_clearance", "pose_clearance_at_least", "pose_free", "solid", "surely_hits",
+    "to_local",
 ]  # fmt: skip
 
 World: TypeAlias = Array
@@ -119,6 +120,21 @@ def field_bounds(world: World, x: float, y: float) -> tuple[float, float]:
     off = step * math.sqrt((i - int(i) - 0.5) ** 2 + (j - int(j) - 0.5) ** 2)
     d = world[int(world[FIELD] + int(i) * world[COLUMNS]) + int(j)]
     return d - off, max(d, 0.0) + off
+
+
+@kernel
+def surely_hits(world: World, x: float, y: float, theta: float) -> bool:
+    """Whether the field alone tells that the footprint at a client's pose hits; false says nothing."""
+    px, py, heading = to_local(world, x, y, theta)
+    heading = footprint_heading(world, heading)
+    px, py = _inner(world, px, py, math.cos(heading), math.sin(heading))
+    step = world[STEP]
+    i, j = py / step, px / step
+    if not (0.0 <= i < world[ROWS] and 0.0 <= j < world[COLUMNS]):
+        return False
+    off = step * math.sqrt((i - int(i) - 0.5) ** 2 + (j - int(j) - 0.5) ** 2)
+    d = world[int(world[FIELD] + int(i) * world[COLUMNS]) + int(j)]
+    return bool(d + off < world[INNER_RADIUS] + world[RADIUS] + world[MIN_CLEARANCE])
 
 
 @kernel

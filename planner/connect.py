@@ -9,20 +9,31 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
-from drives.se2 import Array, Pose, wrap
-from planner.edges import curve_free, motions_free, pivot_free, quickest_words
-from planner.environment import CollisionWorld, linear_free
-from planner.estimate import pace, step_durations
+from drives.se2 import Array, Pose
+from planner.curves import SEGMENTS
+from planner.edges import (
+    CURVE,
+    LINE,
+    NOTHING,
+    OVERLAPPING,
+    PIVOT,
+    Law,
+    duration,
+    joined,
+    motions_between,
+    motions_free,
+    step_times,
+)
+from planner.environment import CollisionWorld
+from planner.estimate import pace
 from planner.path import LinePiece, Path, as_path, as_steps
 from planner.problem import Options, Robot
 
@@ -36,10 +47,6 @@ __all__ = [
     "is_path_free",
 ]
 
-_OVERLAPPING = 0.5
-"""Share of the time to steer, or to turn on the spot, that is lost where the robot drives
-meanwhile, roughly."""
-
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
@@ -48,9 +55,7 @@ _WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
 in units of the connector's."""
 
 _ALL = slice(None)
-
-_NOTHING = 1e-9
-"""Ways (m) and turns (rad) below this are rounding, not motion."""
+_NONE = np.zeros(0)
 
 
 def is_path_free(world: CollisionWorld, path: Path) -> bool:
@@ -117,14 +122,25 @@ class Connector(ABC):
         """Directions (k,) rad in the body frame that a base is faster in than in those beside them."""
         return np.zeros(0)
 
+    @cached_property
     @abstractmethod
+    def law(self) -> Law:
+        """How it moves, for compiled code."""
+
     def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
         """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π; of curves, so many of the
         quickest."""
+        times, steps = motions_between(self.law, a, b, self.ways(ways))
+        return Motions(self.world, a, times, steps, self.law.kind == LINE)
 
-    @abstractmethod
+    def ways(self, most: int) -> int:
+        """How many ways of joining two poses there are to try, where more than `most` are not asked for."""
+        return most
+
     def edge_free(self, a: Pose, b: Pose) -> bool:
         """Whether the shortest motion from a to b is free: quick, for the inside of a search."""
+        kind, reverse, _, radius = self.law[:4]
+        return bool(joined(self.world.kernel, kind, radius, reverse, *a, *b, np.empty((SEGMENTS, 3))))
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         """All motions worth trying before any search."""
@@ -146,30 +162,20 @@ class Connector(ABC):
 
     def durations(self, start: Array, steps: Array) -> Array:
         """Estimates (n,) s of the time that steps (n, 3), those of Motions, take from poses start (n, 3)."""
-        found: Array = step_durations(self._pace, start, steps, not self.steers, self.flows)
+        found: Array = step_times(self.law, start[:, 2], steps)
         return found
 
     def duration(self, path: Path) -> float:
         """Estimate (s) of the time that a path takes."""
         start, steps, _ = as_steps(path)
-        way = np.sign(steps[:, 0])[steps[:, 0] != 0] if self.steers else np.zeros(0)
-        reversals = np.count_nonzero(np.diff(way)) * self.reversal
-        return float(self.durations(start, steps).sum()) + reversals + self._steering_time(path)
+        return float(duration(self.law, start[0, 2], steps)) if path else 0.0
 
-    @cached_property
-    def _pace(self) -> Array:
-        return pace(self.robot.drive, self.robot.limits)
-
-    def _steering_time(self, path: Path) -> float:
-        return 0.0
-
-    def _constant(self, *twists: Sequence[float]) -> tuple[Array, Array]:
-        """Largest speed and acceleration (k,) along constant unit twists: per second and second², of the
-        unit."""
-        # Rest to rest over a way so short, and so long, that only one of them counts.
-        unit = np.array(twists)
-        short, long = (self.durations(np.zeros_like(unit), unit * scale) for scale in (1e-6, 1e9))
-        return 1e9 / long, np.full_like(long, np.inf) if self.flows else 4e-6 / short**2
+    def _law(
+        self, kind: int, speed: Array = _NONE, push: Array = _NONE, lean: float = 0.0, slowness: float = 0.0
+    ) -> Law:
+        known = pace(self.robot.drive, self.robot.limits)
+        radius = float(self.turning_radius)
+        return Law(kind, self.reverse, self.flows, radius, known, speed, push, lean, slowness, self.reversal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,10 +186,12 @@ class LineConnector(Connector):
     def steers(self) -> bool:
         return False
 
-    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
-        step = b - a
-        step[:, 2] = math.pi - (math.pi - step[:, 2]) % math.tau
-        return Motions(self.world, a, self.durations(a, step)[:, None], step[:, None, None], straight=True)
+    @cached_property
+    def law(self) -> Law:
+        return self._law(LINE)
+
+    def ways(self, most: int) -> int:
+        return 1
 
     @property
     def fast_directions(self) -> Array:
@@ -223,42 +231,18 @@ class LineConnector(Connector):
         times = self.durations(start.reshape(-1, 3), steps.reshape(-1, 3)).reshape(turns.shape).sum(-1)
         return Motions(self.world, a, np.where(fits, times, np.inf), steps, straight=True)
 
-    def edge_free(self, a: Pose, b: Pose) -> bool:
-        return bool(linear_free(self.world.kernel, *a, b.x, b.y, a.theta + wrap(b.theta - a.theta)))
-
 
 @dataclass(frozen=True, eq=False)
 class PivotConnector(Connector):
     """Unicycle: turn on the spot towards the goal, drive straight, turn on the spot. Forwards or
     backwards."""
 
-    def durations(self, start: Array, steps: Array) -> Array:
-        times = super().durations(start, steps)
-        return np.where(~steps[:, :2].any(1) & self.flows, _OVERLAPPING * times, times)
-
     @cached_property
-    def _limits(self) -> tuple[Array, Array]:
-        return self._constant((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    def law(self) -> Law:
+        return self._law(PIVOT)
 
-    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
-        step = b - a
-        distance = np.hypot(step[:, 0], step[:, 1])
-        sign = np.array([1.0, -1.0]) if self.reverse else np.array([1.0])
-        course = np.arctan2(np.multiply.outer(step[:, 1], sign), np.multiply.outer(step[:, 0], sign))
-        course = np.where(distance[:, None] < _NOTHING, a[:, 2:], course)
-        first, last = _wrapped(course - a[:, 2:]), _wrapped(b[:, 2:] - course)
-        (fast, spin), (push, swing) = self._limits
-        times = (
-            _rest_to_rest(np.abs(first), spin, swing) + _rest_to_rest(distance, fast, push)[:, None]
-            + _rest_to_rest(np.abs(last), spin, swing)
-        )  # fmt: skip
-
-        steps = np.zeros((*first.shape, 3, 3))
-        steps[..., 0, 2], steps[..., 1, 0], steps[..., 2, 2] = first, np.outer(distance, sign), last
-        return Motions(self.world, a, times, steps)
-
-    def edge_free(self, a: Pose, b: Pose) -> bool:
-        return bool(pivot_free(self.world.kernel, *a, *b, self.reverse))
+    def ways(self, most: int) -> int:
+        return min(most, 2 if self.reverse else 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,51 +254,45 @@ class CurveConnector(Connector):
         return "ReedsShepp" if self.reverse else "Dubins"
 
     @cached_property
-    def _limits(self) -> tuple[Array, Array]:
-        """Largest speeds and accelerations (len(_SCALES), 2) on straights and on curves of each radius."""
-        radii = self.turning_radius * np.array(_SCALES)
-        curves = [(1.0, 0.0, sign / radius) for radius in radii.tolist() for sign in (1, -1)]
-        speed, push = (
-            np.column_stack([np.full(len(radii), each[0]), each[1:].reshape(-1, 2).min(1)])
-            for each in self._constant((1.0, 0.0, 0.0), *curves)
-        )
-        return speed, push
+    def law(self) -> Law:
+        return self._laws[0]
 
-    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
-        return self._words(a, b, 0, ways)
-
-    def _words(self, a: Array, b: Array, k: int, ways: int) -> Motions:
-        """The quickest words of _SCALES[k] times the turning radius."""
-        radius, (speed, push) = _SCALES[k] * self.turning_radius, self._limits
-        steering = abs(self._steering_angle(1 / radius)) * self._steering_slowness
-        times, steps = quickest_words(
-            a, b, radius, self.reverse, speed[k], push[k], steering, self.reversal, ways
-        )
-        return Motions(self.world, a, times, steps)
-
-    def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [self._words(a, b, k, _WAYS) for k in range(len(_SCALES))]
-
-    def edge_free(self, a: Pose, b: Pose) -> bool:
-        return bool(curve_free(self.world.kernel, *a, *b, self.turning_radius, self.reverse))
+    @cached_property
+    def _laws(self) -> list[Law]:
+        """Of curves of each of _SCALES."""
+        # From rest to rest over a way so short, and so long, that only acceleration, and only speed, counts.
+        radii = (self.turning_radius * np.array(_SCALES)).tolist()
+        units = [(1.0, 0.0, 0.0), *((1.0, 0.0, sign / radius) for radius in radii for sign in (1, -1))]
+        plain = self._law(CURVE)
+        theta, unit = np.zeros(len(units)), np.array(units)
+        speed, push = 1e9 / step_times(plain, theta, 1e9 * unit), np.full(len(units), np.inf)
+        if not self.flows:
+            push = 4e-6 / step_times(plain, theta, 1e-6 * unit) ** 2
+        lean, slowness = self._steering
+        return [
+            plain._replace(
+                radius=radius,
+                speed=np.array([speed[0], speed[k : k + 2].min()]),
+                push=np.array([push[0], push[k : k + 2].min()]),
+                lean=lean,
+                slowness=slowness,
+            )
+            for k, radius in zip(range(1, len(units), 2), radii, strict=True)
+        ]
 
     @property
-    def _steering_slowness(self) -> float:
-        """Time (s) that steering by 1 rad costs."""
-        return (_OVERLAPPING if self.flows else 1.0) / self.robot.limits.steering_rate
-
-    def _steering_angle(self, curvature: float) -> float:
-        """Of a single wheel at the middle, rad; 0 for a robot that need not stop to steer."""
-        mobility = self.robot.drive.mobility(self.robot.limits)
+    def _steering(self) -> tuple[float, float]:
+        """Lean and slowness of the law, of a single wheel at the middle; 0 for a robot that need not stop to
+        steer."""
+        limits = self.robot.limits
+        mobility = self.robot.drive.mobility(limits)
         if not isinstance(mobility, Car):
-            return 0.0
-        return math.atan(
-            curvature * mobility.min_turning_radius * math.tan(min(self.robot.limits.steering_angle, 1.5))
-        )
+            return 0.0, 0.0
+        lean = mobility.min_turning_radius * math.tan(min(limits.steering_angle, 1.5))
+        return float(lean), float((OVERLAPPING if self.flows else 1.0) / limits.steering_rate)
 
-    def _steering_time(self, path: Path) -> float:
-        angles = [self._steering_angle(p.turn / p.twist.vx) for p in path if not isinstance(p, LinePiece)]
-        return math.fsum(abs(b - a) for a, b in pairwise(angles)) * self._steering_slowness
+    def direct(self, a: Array, b: Array) -> list[Motions]:
+        return [Motions(self.world, a, *motions_between(law, a, b, _WAYS)) for law in self._laws]
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:
@@ -337,11 +315,4 @@ def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connecto
 def _wrapped(angle: Array) -> Array:
     """The same angles in (-π, π], and none that is only rounding."""
     inside: Array = math.pi - (math.pi - angle) % math.tau
-    return np.where(np.abs(inside) < _NOTHING, 0.0, inside)
-
-
-def _rest_to_rest(way: Array, speed: Any, acceleration: Any) -> Array:
-    """Time (s) over ways >= 0 from rest to rest."""
-    ramp = speed / acceleration
-    time: Array = np.where(way > speed * ramp, way / speed + ramp, 2 * np.sqrt(way / acceleration))
-    return time
+    return np.where(np.abs(inside) < NOTHING, 0.0, inside)

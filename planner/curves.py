@@ -34,6 +34,7 @@ __all__ = [
     "candidates",
     "dubins_words",
     "reeds_shepp_words",
+    "shortest",
     "shortest_length",
     "shortest_word",
     "warm_up",
@@ -228,7 +229,7 @@ def _words(start: int, end: int, x: float, y: float, phi: float) -> tuple[Array,
 
 
 @_kernel
-def _shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, tuple[float, float, float, float]]:
+def shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, tuple[float, float, float, float]]:
     """Row and word of the shortest; inf and NaN where there is none."""
     row, best = 0, (math.inf, math.nan, math.nan, math.nan)
     s, c = math.sin(phi), math.cos(phi)
@@ -265,7 +266,7 @@ def shortest_word(x: float, y: float, phi: float, reverse: bool) -> tuple[Array,
     Returns curvature (5,) of -1, 0, 1 and signed length (5,) in radii, NaN where the goal is not finite.
     """
     curvature, length = np.zeros(5), np.zeros(5)
-    row, word = _shortest(x, y, phi, reverse)
+    row, word = shortest(x, y, phi, reverse)
     for i in range(SEGMENTS):
         curvature[i], length[i] = word_segment(row, i, word)
     return curvature, length
@@ -274,7 +275,7 @@ def shortest_word(x: float, y: float, phi: float, reverse: bool) -> tuple[Array,
 @_kernel
 def shortest_length(x: float, y: float, phi: float, reverse: bool) -> float:
     """The length of shortest_word, in turning radii, without the word; inf where the goal is not finite."""
-    return _shortest(x, y, phi, reverse)[1][0]
+    return shortest(x, y, phi, reverse)[1][0]
 
 
 @_kernel

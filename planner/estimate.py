@@ -10,14 +10,14 @@ from drives.drive import Drive, Limits
 from drives.se2 import Array
 from planner.tree import kernel
 
-__all__ = ["pace", "step_durations"]
+__all__ = ["pace", "step_duration"]
 
 _SAMPLES = 5
 """On a straight line that turns, at which it is estimated."""
 
 
 def pace(drive: Drive, limits: Limits) -> Array:
-    """What step_durations needs to know of a robot, (m + 1, 8); trailing wheels count as swung round.
+    """What step_duration needs to know of a robot, (m + 1, 8); trailing wheels count as swung round.
 
     A row a wheel: p and q, (3,) each, such that it turns at hypot(p·ξ, q·ξ) rad/s at a twist ξ, and one over
     its largest rate and acceleration. The last: one over the body's largest linear speed, angular speed,
@@ -53,27 +53,24 @@ def _slowness(pace: Array, vx: float, vy: float, turn: float) -> tuple[float, fl
 
 
 @kernel
-def step_durations(pace: Array, start: Array, steps: Array, straight: bool, flows: bool) -> Array:
-    """Estimates (n,) s of the time that steps (n, 3) take: from rest to rest at the worst of each limit on
-    the way, or where it flows, at full speed, as if the robot came by.
+def step_duration(
+    pace: Array, theta: float, dx: float, dy: float, turn: float, straight: bool, flows: bool
+) -> float:
+    """Estimate (s) of the time that a step takes: from rest to rest at the worst of each limit on the way, or
+    where it flows, at full speed, as if the robot came by.
 
-    Steps are twists held for unit time or, where `straight`, displacements in the world, from poses start
-    (n, 3).
+    A step is a twist held for unit time or, where `straight`, a displacement in the world, from a pose of
+    heading theta.
     """
-    durations = np.empty(len(steps))
-    for i in range(len(steps)):
-        dx, dy, turn = steps[i, 0], steps[i, 1], steps[i, 2]
-        samples = _SAMPLES if straight and turn != 0.0 else 1
-        most, heavy, passing = 0.0, 0.0, 0.0
-        for k in range(samples):
-            theta = start[i, 2] + turn * k / max(samples - 1, 1) if straight else 0.0
-            c, s = math.cos(theta), math.sin(theta)
-            slow, mass = _slowness(pace, c * dx + s * dy, c * dy - s * dx, turn)
-            most, heavy, passing = max(most, slow), max(heavy, mass), passing + slow / samples
-        if flows:
-            durations[i] = passing
-        elif most * most > heavy:
-            durations[i] = most + heavy / most
-        else:
-            durations[i] = 2.0 * math.sqrt(heavy)
-    return durations
+    samples = _SAMPLES if straight and turn != 0.0 else 1
+    most, heavy, passing = 0.0, 0.0, 0.0
+    for k in range(samples):
+        heading = theta + turn * k / max(samples - 1, 1) if straight else 0.0
+        c, s = math.cos(heading), math.sin(heading)
+        slow, mass = _slowness(pace, c * dx + s * dy, c * dy - s * dx, turn)
+        most, heavy, passing = max(most, slow), max(heavy, mass), passing + slow / samples
+    if flows:
+        return passing
+    if most * most > heavy:
+        return most + heavy / most
+    return 2.0 * math.sqrt(heavy)

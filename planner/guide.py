@@ -35,6 +35,11 @@ _HASTE, _WORK = 2.0, 400_000
 """See planner.lattice.shortest."""
 _SHARE, _ACROSS = 0.7, 3000
 """Lattice spacing over the disc's radius; nodes between start and goal, as the crow flies, at most."""
+_LATTICES = ((2, False), (1, False), (1, True))
+"""Lattices, tried in turn: how much coarser than that spacing, and whether nodes keep off the walls."""
+_CLEAR = 0.85
+"""The least room that there must be all along a way over a coarse one, over the disc's radius: about as much
+as there always is between the nodes of a fine one."""
 _SAME = 0.02
 """Share of the disc's radius by which a passage may widen and still be as narrow as anywhere."""
 _LEAD = 12.0
@@ -52,7 +57,7 @@ class Guide:
         self._point = float(world[INNER_X]), float(world[INNER_Y])
         self._ends = [body_point(world, pose, *self._point) for pose in (start, goal)]
         self._spacing = max(_SHARE * self._radius, math.dist(*self._ends) / _ACROSS)
-        self._aligned = False
+        self._lattices = list(_LATTICES)
         self._used: list[Array] = []
 
     def route(self, along: bool, backwards: bool = True) -> Route | None:
@@ -60,11 +65,11 @@ class Guide:
         there is no way to go, as from a pose to one turned on the spot."""
         world = self.world
         way = self._shortest()
-        if len(way) < 2 and not self._aligned:
-            self._aligned = True
+        while len(way) < 2:
+            if len(self._lattices) == 1:
+                return None
+            self._lattices = self._lattices[1:]
             way = self._shortest()
-        if len(way) < 2:
-            return None
         self._used.append(way)
         way, tight = self._led(smooth(world, way, self._radius + self._spacing / 2), along)
         if len(way) < 2:
@@ -76,9 +81,21 @@ class Guide:
     def _shortest(self) -> Array:
         """A new way (n, 2), own frame, of lattice nodes where they have most room; none: empty."""
         used = np.concatenate(self._used) if self._used else np.zeros((0, 2))
-        (start, goal), sizes = self._ends, (self._radius, self._roomy, self._spacing)
-        way, _, _ = shortest(self.world, start, goal, *sizes, self._aligned, used, _HASTE, _WORK)
-        return np.asarray(roomiest(self.world, way, *sizes))
+        (start, goal), radius, roomy, spacing = self._ends, self._radius, self._roomy, self._spacing
+        coarse, aligned = self._lattices[0]
+        way, _, _ = shortest(
+            self.world, start, goal, radius, roomy, coarse * spacing, aligned, used, _HASTE, _WORK
+        )
+        if len(way) < 2:
+            return way
+        between = np.linspace(0.0, 1.0, coarse, endpoint=False)[:, None]
+        way = np.concatenate(
+            [(way[:-1, None] + between * np.diff(way, axis=0)[:, None]).reshape(-1, 2), way[-1:]]
+        )
+        way = np.asarray(roomiest(self.world, way, radius, roomy, spacing))
+        if coarse > 1 and rooms(self.world, way[1:-1], radius).min(initial=radius) < _CLEAR * radius:
+            return way[:0]
+        return way
 
     def _led(self, way: Array, along: bool) -> tuple[Array, bool]:
         """The way (n, 2), straight into passages and out of them until the footprint may turn, own frame, and

@@ -1,4 +1,4 @@
-"""Poses in a row → the quickest free path through some of them: a roadmap without a search."""
+"""Poses in a row → the quickest free path through some of them: a roadmap without a search. Compiled."""
 
 from __future__ import annotations
 
@@ -7,154 +7,175 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drives.se2 import Array, Pose
+from drives.se2 import Array
+from planner.collision import World
 from planner.connect import Connector
-from planner.edges import motion_free
-from planner.environment import World
-from planner.path import Path, as_path, merge
+from planner.curves import SEGMENTS
+from planner.edges import CURVE, LINE, Law, bound, motion_free, step_times, ways_between
+from planner.path import Path, as_path
 from planner.tree import kernel
 
-__all__ = ["Known", "quickest_path"]
+__all__ = ["merged", "quickest_path", "quickest_steps"]
 
-Known = tuple[Array, Array, NDArray[np.intp]]
-"""A free path that leads by all stations: steps, where they begin and the last ends (m + 1, 3), what they do
-(m, 3), and which of those begins (n,) are the stations."""
-
-
-def quickest_path(
-    poses: Array,
-    station: NDArray[np.intp],
-    reach: float,
-    connector: Connector,
-    ways: int,
-    known: Known | None = None,
-) -> Path | None:
-    """The quickest free path, by estimate, from the first pose to the last station, by the connector's
-    motions; None: there is none.
-
-    poses (n, 3), and the station (n,) that each is at: 0, 1, 2, … in a row, and maybe others after them.
-    reach: how many stations further a motion may lead. ways: how many of each pair are tried. known: a path
-    whose steps from one station to the next may be taken, too.
-    """
-    first, second = _ahead(station, reach)
-    order = np.lexsort((second, station[second]))
-    first, second = first[order], second[order]
-    motions = connector.motions(poses[first], poses[second], ways)
-    n = int(station.max()) + 1
-    begin, own, place = known or (poses[:1], np.zeros((0, 3)), np.zeros(n, np.intp))
-    own_times = np.full(n - 1, np.inf)
-    if known is not None:
-        own_times = np.add.reduceat(connector.durations(begin[:-1], own), place[:-1])
-    edges, chosen = _quickest_free(
-        connector.world.kernel, first, second, motions.start, motions.times, motions.steps, motions.straight,
-        own, place, own_times, connector.reversal,
-    )  # fmt: skip
-    if len(edges) == 0:
-        return None
-    parts = [
-        motions.path(e, way)
-        if way >= 0
-        else as_path(begin[place[i]], own[place[i] : place[i + 1]], motions.straight)
-        for e, i, way in zip(edges.tolist(), first[edges].tolist(), chosen.tolist(), strict=True)
-    ]
-    return _unwrapped(Pose(*poses[0].tolist()), parts)
+_SAME_DIRECTION, _NOTHING = 1e-9, 1e-12
+_NONE = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64)
 
 
-def _ahead(station: NDArray[np.intp], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """All pairs of poses, given the station of each, of which the second is ahead, by `reach` stations at
-    most."""
-    order = np.argsort(station, kind="stable")
-    begin, end = (np.searchsorted(station[order], station + k, "right") for k in (0, reach))
-    count = end - begin
-    first = np.repeat(np.arange(len(station)), count)
-    return first, order[np.arange(len(first)) + np.repeat(begin - np.cumsum(count) + count, count)]
+def quickest_path(poses: Array, reach: int, connector: Connector, ways: int) -> Path | None:
+    """The quickest free path, by estimate, from the first to the last of poses (n, 3) by the connector's
+    motions; None: there is none. reach: how many poses further a motion may lead. ways: how many of each
+    pair are tried."""
+    steps, found = quickest_steps(
+        connector.world.kernel,
+        connector.law,
+        poses,
+        np.arange(len(poses)),
+        reach,
+        connector.ways(ways),
+        *_NONE,
+    )
+    return as_path(poses[0], steps, connector.law.kind == LINE) if found else None
 
 
 @kernel
-def _quickest_free(
-    world: World, first: NDArray[np.intp], second: NDArray[np.intp], start: Array, times: Array, steps: Array,
-    straight: bool, own: Array, place: NDArray[np.intp], own_times: Array, reversal: float,
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:  # fmt: skip
-    """The edges and ways that lead from pose 0 to the last station in the least time and are free, or none.
+def quickest_steps(
+    world: World, law: Law, poses: Array, station: NDArray[np.int64], reach: int, ways: int,
+    begin: Array, own: Array, place: NDArray[np.int64],
+) -> tuple[Array, bool]:  # fmt: skip
+    """The steps (k, 3) of the quickest free path, by estimate, from the first pose to the last by the
+    motions of a law, and whether there is one.
 
-    Edge e leads from pose first[e] to second[e], in the order of these; no later edge leads to where it
-    begins. start, times, steps, straight: of the edges' Motions. own_times (n - 1,): of what the path does
-    from one of its n stations to the next, free steps own[place[i] : place[i + 1]]; its way is -1.
-    reversal s: of a change of direction.
+    poses (n, 3), and the station (n,) that each is at: 0, 1, 1, 2, … in order, the first and the last
+    alone at theirs. reach: how many stations further a motion may lead. ways: how many of each pair are
+    tried.
+    begin, own, place: a free path that leads by the first pose at each station: its steps own (m, 3), where
+    these begin, begin (m, 3), and which of those begins (stations,) are the stations; empty: there is none.
     """
-    count, ways = times.shape
-    goal = len(own_times)
-    times = np.column_stack((times, np.full(count, np.inf)))
-    heads = np.zeros((count, ways + 1, 2))
-    known = np.zeros(times.shape, dtype=np.bool_)
-    for e in range(count):
-        i = first[e]
-        if second[e] == i + 1 and i < goal:
-            times[e, ways], known[e, ways] = own_times[i], True
-            if not straight:
-                _head(own[place[i] : place[i + 1]], heads[e, ways])
-        for way in range(0 if straight else ways):
-            _head(steps[e, way], heads[e, way])
-    n = second.max() + 1
-    reach, by = np.full((n, 2), np.inf), np.zeros((n, 2, 3), dtype=np.intp)
-    reach[0] = 0.0  # arriving backwards, forwards
-    stop = 0
-    while stop < count:
-        begin, j = stop, second[stop]
-        while stop < count and second[stop] == j:
-            stop += 1
-        for after in range(2):
+    n, straight = len(poses), law.kind == LINE
+    # A path may arrive backwards or forwards: where changes of direction cost nothing, no matter which.
+    heads = 1 if straight or law.reversal == 0.0 else 2
+    own_times = step_times(law, begin[:, 2], own)
+    first = np.searchsorted(station, station)
+    reached, soonest, by = np.full((n, heads), np.inf), np.zeros(n), np.zeros((n, heads, 3), np.int64)
+    chosen = np.zeros((n, heads, SEGMENTS, 3))
+    reached[0] = 0.0
+    times, steps = np.empty((n, ways + 1)), np.empty((n, ways, SEGMENTS, 3))
+    told, known = np.empty(n, np.bool_), np.empty((n, ways + 1), np.bool_)
+    quickest, ends = np.empty(n), np.zeros((n, ways + 1, 2))
+    for j in range(1, n):
+        low, high = np.searchsorted(station, station[j] - reach), first[j]
+        for i in range(low, high):
+            times[i], known[i], told[i] = np.inf, False, law.kind != CURVE
+            if told[i]:
+                ways_between(law, poses[i], poses[j], times[i], steps[i])
+                if heads == 2:
+                    _mark(steps[i], ends[i])
+            else:
+                times[i, 0] = bound(law, poses[i], poses[j])
+            quickest[i] = _least(times[i])
+        before = first[high - 1]
+        if len(place) > 0 and j == first[j]:
+            k, stop = place[station[j] - 1], place[station[j]]
+            times[before, ways], known[before, ways] = own_times[k:stop].sum(), True
+            quickest[before] = min(quickest[before], times[before, ways])
+            if heads == 2:
+                _head(own[k:stop], ends[before, ways])
+        for after in range(heads):
             while True:
-                least = np.inf
-                for e in range(begin, stop):
-                    for way in range(ways + 1):
-                        if not times[e, way] < least:
+                least, e, way, head = np.inf, 0, 0, 0
+                for i in range(low, high):
+                    if not soonest[i] + quickest[i] < least:
+                        continue
+                    for w in range(ways + 1):
+                        if not soonest[i] + times[i, w] < least:
                             continue
-                        leaves, arrives = heads[e, way]
-                        for before in range(2):
-                            # A way that neither drives forwards nor backwards changes nothing.
-                            if (before if arrives == 0.0 else int(arrives > 0.0)) != after:
-                                continue
-                            total = reach[first[e], before] + times[e, way]
-                            if leaves * (2 * before - 1) < 0.0:
-                                total += reversal
+                        for h in range(heads):
+                            total = reached[i, h] + times[i, w]
+                            if heads == 2 and (told[i] or w == ways):
+                                leaves, arrives = ends[i, w]
+                                # A way that neither drives forwards nor backwards changes nothing.
+                                if (h if arrives == 0.0 else int(arrives > 0.0)) != after:
+                                    continue
+                                if leaves * (2 * h - 1) < 0.0:
+                                    total += law.reversal
                             if total < least:
-                                least = total
-                                by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, before
-                e, way = by[j, after, 0], by[j, after, 1]
+                                least, e, way, head = total, i, w, h
                 if least == np.inf or known[e, way]:
                     break
-                known[e, way] = motion_free(world, start[e], steps[e, way], straight)
-                if not known[e, way]:
-                    times[e, way] = np.inf
-            reach[j, after] = least
-    edges, chosen = np.empty(n, np.intp), np.empty(n, np.intp)
-    if min(reach[goal]) == np.inf:
-        return edges[:0], chosen[:0]
-    j, head, length = goal, int(reach[goal, 1] < reach[goal, 0]), 0
+                if told[e]:
+                    known[e, way] = motion_free(world, poses[e], steps[e, way], straight)
+                    if not known[e, way]:
+                        times[e, way] = np.inf
+                else:
+                    last = times[e, ways]
+                    ways_between(law, poses[e], poses[j], times[e], steps[e])
+                    times[e, ways], told[e] = last, True
+                    if heads == 2:
+                        _mark(steps[e], ends[e])
+                quickest[e] = _least(times[e])
+            reached[j, after] = least
+            by[j, after, 0], by[j, after, 1], by[j, after, 2] = e, way, head
+            if least < np.inf and way < ways:
+                chosen[j, after] = steps[e, way]
+        soonest[j] = _least(reached[j])
+    head = int(np.argmin(reached[n - 1]))
+    if reached[n - 1, head] == np.inf:
+        return np.empty((0, 3)), False
+    found = np.empty((len(own) + n * SEGMENTS, 3))
+    j, size = n - 1, len(found)
     while j != 0:
-        e, way, before = by[j, head]
-        edges[length], chosen[length] = e, way if way < ways else -1
-        j, head, length = first[e], before, length + 1
-    return edges[:length][::-1].copy(), chosen[:length][::-1].copy()
+        i, way = by[j, head, 0], by[j, head, 1]
+        part = chosen[j, head] if way < ways else own[place[station[i]] : place[station[j]]]
+        size -= len(part)
+        found[size : size + len(part)] = part
+        j, head = i, by[j, head, 2]
+    return merged(found[size:], straight), True
 
 
 @kernel
-def _head(steps: Array, heads: Array) -> None:
-    """Whether twists (k, 3) begin and end forwards (> 0), backwards (< 0) or neither (0), into heads (2,)."""
+def _least(values: Array) -> float:
+    least = np.inf
+    for value in values:
+        least = min(least, value)
+    return least
+
+
+@kernel
+def _mark(steps: Array, ends: Array) -> None:
+    """_head of each of some ways (ways, k, 3), into ends."""
+    for way in range(len(steps)):
+        _head(steps[way], ends[way])
+
+
+@kernel
+def _head(steps: Array, ends: Array) -> None:
+    """Whether twists (k, 3) begin and end forwards (> 0), backwards (< 0) or neither (0), into ends (2,)."""
+    ends[:] = 0.0
     for k in range(len(steps)):
         if steps[k, 0] != 0.0:
-            heads[1] = steps[k, 0]
-            if heads[0] == 0.0:
-                heads[0] = steps[k, 0]
+            ends[1] = steps[k, 0]
+            if ends[0] == 0.0:
+                ends[0] = steps[k, 0]
 
 
-def _unwrapped(start: Pose, steps: list[Path]) -> Path:
-    """The steps one after the other, headings continuous though each began on its own branch."""
-    pieces = []
-    theta = start.theta
-    for piece in (piece for step in steps for piece in step):
-        turns = round((theta - piece.start.theta) / math.tau) * math.tau
-        pieces.append(piece.turned(turns))
-        theta = pieces[-1].end.theta
-    return merge(pieces)
+@kernel
+def merged(steps: Array, straight: bool) -> Array:
+    """The same steps without empty ones, and with neighbours joined where the motion simply goes on; turns
+    on the spot, one after the other, are what they come to."""
+    found, n = np.empty_like(steps), 0
+    for k in range(len(steps)):
+        x, y, turn = steps[k]
+        if n > 0:
+            u, v, w = found[n - 1]
+            p, q = math.sqrt(u * u + v * v + w * w), math.sqrt(x * x + y * y + turn * turn)
+            pivots = not straight and u == 0.0 and v == 0.0 and x == 0.0 and y == 0.0
+            if not pivots and min(p, q) >= _SAME_DIRECTION:
+                off = (u / p - x / q) ** 2 + (v / p - y / q) ** 2 + (w / p - turn / q) ** 2
+                pivots = off < _SAME_DIRECTION**2
+            if pivots:
+                n -= 1
+                x, y, turn = x + u, y + v, turn + w
+        if math.sqrt(x * x + y * y) >= _NOTHING or abs(turn) >= _NOTHING:
+            found[n, 0], found[n, 1], found[n, 2] = x, y, turn
+            n += 1
+    return found[:n].copy()

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from drives.se2 import Array, Pose
+from planner.tree import kernel
 
-__all__ = ["Route"]
+__all__ = ["Route", "route_pose", "route_poses"]
 
 _OPEN, _TIGHT = (0.1, 1.5), (0.3, 2.0)
 """Where a way leads through open ground, and where through passages: the share of all draws that lie on the
@@ -19,6 +19,10 @@ way itself (and, of headings, just along it or against it), and the power by whi
 are drawn to it."""
 _BESIDE = 2.0
 """Room for poses beside a route, in reaches of the footprint."""
+
+# Of a route's shape: the point; the fixed heading or nan; the start's; whether headings go along; how far off
+# those favoured they may be; the share and the power of draws; how far off the way poses may be.
+_X, _Y, _FIXED, _START, _ALONG, _MOST, _ON, _POWER, _OFF = range(9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,74 +46,97 @@ class Route:
     tight: bool
     backwards: bool = True
 
-    @cached_property
+    @property
     def beside(self) -> float:
         """How far off the way poses may be, m."""
         return _BESIDE * self.reach
 
-    @cached_property
+    @property
     def length(self) -> float:
         """m."""
-        return self._at[-1]
+        return float(self.legs[-1, 0])
 
     @cached_property
-    def _at(self) -> list[float]:
-        steps = np.hypot(*np.diff(self.way, axis=0).T)
-        return [0.0, *np.cumsum(steps).tolist()]
+    def legs(self) -> Array:
+        """Of every leg how far along it begins, x, y and direction (n, 5); the last is where the way ends."""
+        step = np.diff(self.way, axis=0)
+        long = np.hypot(*step.T)
+        step /= long[:, None]
+        at = np.concatenate([[0.0], np.cumsum(long)])
+        return np.column_stack([at, self.way, np.concatenate([step, step[-1:]])])
 
     @cached_property
-    def _rows(self) -> list[tuple[float, float, float, float]]:
-        """x, y and direction of every leg."""
-        step = np.diff(self.way, axis=0) / np.diff(self._at)[:, None]
-        rows: list[tuple[float, float, float, float]] = np.column_stack([self.way[:-1], step]).tolist()
-        return rows
-
-    def _leg(self, s: float) -> tuple[float, float, float, float]:
-        """x, y and direction where the way is s long."""
-        i = min(max(bisect_right(self._at, s) - 1, 0), len(self._rows) - 1)
-        x, y, c, d = self._rows[i]
-        ds = s - self._at[i]
-        return x + ds * c, y + ds * d, c, d
-
-    def _offset(self, theta: float) -> tuple[float, float]:
-        heading = theta if self.fixed is None else self.fixed
-        c, d = math.cos(heading), math.sin(heading)
-        x, y = self.point
-        return c * x - d * y, d * x + c * y
+    def shape(self) -> Array:
+        """Numbers (9,) that route_pose takes."""
+        fixed = math.nan if self.fixed is None else self.fixed
+        most = math.pi / 2 if self.backwards else math.pi
+        draws = _TIGHT if self.tight else _OPEN
+        return np.array([*self.point, fixed, self.start.theta, self.along, most, *draws, self.beside])
 
     def pose(self, s: float, left: float, angle: float) -> Pose:
         """The body's pose at these coordinates."""
-        x, y, c, d = self._leg(s)
-        theta = self.start.theta + angle
-        if self.along:
-            nearest = round(angle / (2 * self._most)) * 2 * self._most
-            theta = math.atan2(d, c) + nearest + self._most * self._drawn((angle - nearest) / self._most)
-        left = self.beside * self._drawn(left / self.beside)
-        ox, oy = self._offset(theta)
-        return Pose(x - left * d - ox, y + left * c - oy, theta)
+        return Pose(*route_pose(self.legs, self.shape, float(s), float(left), float(angle)))
 
     def coordinates(self, pose: Pose, s: float) -> tuple[float, float, float]:
         """Those of a pose whose point is on the way, s along it."""
-        _, _, c, d = self._leg(s)
         if not self.along:
             return s, 0.0, math.remainder(pose.theta - self.start.theta, math.tau)
+        c, d = self.legs[_leg(self.legs, s), 3:]
+        most, on, power = self.shape[[_MOST, _ON, _POWER]].tolist()
         angle = math.remainder(pose.theta - math.atan2(d, c), math.tau)
-        nearest = round(angle / (2 * self._most)) * 2 * self._most
-        off = (angle - nearest) / self._most
-        on, power = self._draws
+        nearest = round(angle / (2 * most)) * 2 * most
+        off = (angle - nearest) / most
         even = on + (1 - on) * abs(off) ** (1 / power)
-        return s, 0.0, nearest + math.copysign(even, off) * self._most
+        return s, 0.0, nearest + math.copysign(even, off) * most
 
-    @property
-    def _most(self) -> float:
-        """How far (rad) headings may be off the nearest of those that are favoured."""
-        return math.pi / 2 if self.backwards else math.pi
 
-    @property
-    def _draws(self) -> tuple[float, float]:
-        return _TIGHT if self.tight else _OPEN
+@kernel
+def _leg(legs: Array, s: float) -> int:
+    """The leg on which the way is s long."""
+    low, high = 0, len(legs) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if legs[middle, 0] <= s:
+            low = middle
+        else:
+            high = middle
+    return low
 
-    def _drawn(self, even: float) -> float:
-        """From -1 to 1, of even draws from -1 to 1: none where they are small."""
-        on, power = self._draws
-        return math.copysign(max(0.0, (abs(even) - on) / (1 - on)) ** power, even)
+
+@kernel
+def _drawn(even: float, on: float, power: float) -> float:
+    """From -1 to 1, of even draws from -1 to 1: none where they are small."""
+    return math.copysign(max(0.0, (abs(even) - on) / (1 - on)) ** power, even)
+
+
+@kernel
+def route_pose(legs: Array, shape: Array, s: float, left: float, angle: float) -> tuple[float, float, float]:
+    """The body's pose at coordinates of a route, of which legs and shape are given."""
+    _, x, y, c, d = legs[_leg(legs, s)]
+    ds = s - legs[_leg(legs, s), 0]
+    theta = shape[_START] + angle
+    if shape[_ALONG]:
+        most = shape[_MOST]
+        nearest = round(angle / (2 * most)) * 2 * most
+        theta = (
+            math.atan2(d, c) + nearest + most * _drawn((angle - nearest) / most, shape[_ON], shape[_POWER])
+        )
+    left = shape[_OFF] * _drawn(left / shape[_OFF], shape[_ON], shape[_POWER])
+    heading = theta if math.isnan(shape[_FIXED]) else shape[_FIXED]
+    e, f = math.cos(heading), math.sin(heading)
+    return (
+        x + ds * c - left * d - (e * shape[_X] - f * shape[_Y]),
+        y + ds * d + left * c - (f * shape[_X] + e * shape[_Y]),
+        theta,
+    )
+
+
+@kernel
+def route_poses(legs: Array, shape: Array, count: int, turn: float) -> Array:
+    """So many poses (count, 3), evenly from where the way begins to where it ends, the angle from none to
+    `turn`."""
+    poses = np.empty((count, 3))
+    for k in range(count):
+        share = k / (count - 1)
+        poses[k] = route_pose(legs, shape, share * legs[-1, 0], 0.0, share * turn)
+    return poses

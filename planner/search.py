@@ -10,28 +10,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from itertools import pairwise
+from typing import Any, TypeAlias
 
 import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from drives.se2 import Pose, compose
-from planner.collision import RADIUS, REACH
+from drives.se2 import Array, Pose, compose
+from planner.collision import RADIUS, REACH, pose_free
 from planner.connect import Connector
+from planner.curves import SEGMENTS
+from planner.edges import LINE, joined
 from planner.guide import Guide
-from planner.path import Path, merge
+from planner.path import Path, as_path
 from planner.problem import Environment
 from planner.roadmap import quickest_path
-from planner.route import Route
+from planner.route import Route, route_poses
 
 __all__ = ["Search"]
 
 ou.setLogLevel(ou.LOG_NONE)
 
+Area: TypeAlias = tuple[float, float, float, float]
+"""x_min, y_min, x_max, y_max, m, world frame."""
+
+_OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
+
+
 _TURNS: tuple[tuple[str, int, bool], ...] = (
-    ("RRTConnect", 150, False),
+    ("RRTConnect", 300, False),
     ("RRTConnect", 2_000, True),
     ("RRTConnect", 2_000, True),
     ("BKPIECE1", 4_000, False),
@@ -46,6 +55,11 @@ _ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
 further a motion may lead, and how many ways of joining two are tried."""
+_WIDER, _REACHES = 0.5, 6.0
+"""How far off start and goal poses are drawn at most, the first time: a share of how far these are apart, and
+so many reaches of the footprint and turning radii."""
+_OTHERS = 2
+"""Other ways beside the first one."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -54,26 +68,42 @@ slots by many small ones; room for poses past a route's ends."""
 class _Validator(ob.MotionValidator):  # type: ignore[misc]
     """Counts the motions it checks: that is how work is measured. pose: of the body, of a state's numbers."""
 
-    def __init__(self, information: Any, connector: Connector, pose: Callable[..., Pose]) -> None:
+    def __init__(self, information: Any, connector: Connector, pose: _OfPose | None) -> None:
         super().__init__(information)
-        self.free, self.pose = connector.edge_free, pose
+        law = connector.law
+        self.pose, self.steps = pose, np.empty((SEGMENTS, 3))
+        self.motion = connector.world.kernel, law.kind, law.radius, law.reverse
         self.count = 0
 
     def checkMotion(self, a: Any, b: Any) -> bool:
         self.count += 1
-        return self.free(self.pose(a.getX(), a.getY(), a.getYaw()), self.pose(b.getX(), b.getY(), b.getYaw()))
+        return self.free(a, b, self.steps)
+
+    def free(self, a: Any, b: Any, steps: Array) -> bool:
+        """Whether the shortest motion between two states is; what it does is written into steps (k, 3)."""
+        ends = a.getX(), a.getY(), a.getYaw(), b.getX(), b.getY(), b.getYaw()
+        if self.pose is not None:
+            ends = *self.pose(*ends[:3]), *self.pose(*ends[3:])
+        return bool(joined(*self.motion, *ends, steps))
 
 
 class Search:
-    """OMPL on one problem: every call of `paths` looks for more ways from the start to one of the goals.
+    """Searches on one problem: every call of `paths` looks for more ways from the start to one of the goals.
 
     goals: at least one, all free, as the start is. Poses are sampled in the bounds and the map's outline.
+    doubt: called where the first, short search fails, and may raise.
     """
 
     def __init__(
-        self, connector: Connector, environment: Environment, start: Pose, goals: Sequence[Pose], seed: int
+        self,
+        connector: Connector,
+        environment: Environment,
+        start: Pose,
+        goals: Sequence[Pose],
+        seed: int,
+        doubt: Callable[[], None] = lambda: None,
     ) -> None:
-        self.connector, self.start, self.goals, self.seed = connector, start, goals, seed
+        self.connector, self.start, self.goals, self.seed, self.doubt = connector, start, goals, seed, doubt
         self.area = _area(environment)
         self._guides: dict[Pose, Guide] = {}
         self.work = 0
@@ -100,21 +130,30 @@ class Search:
             if path is not None:
                 name = _ROADMAP
             else:
-                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal)
+                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, near=turn == 1)
             if path is not None:
                 found = True
                 yield name, path
+            elif turn == 1:
+                self.doubt()
+
+    def others(self, clock: Any) -> Iterator[Path]:
+        """A few ways found as the first was, by other draws, where that was at once: by twice its work."""
+        if len(self.tried) > 1:
+            return
+        name, work = _TURNS[0][0], 2 * self.work
+        for k in range(len(_TURNS), len(_TURNS) + _OTHERS):
+            path = self._solve(name, self.seed + k, work, clock, None, self.goals[0], near=True)
+            if path is not None:
+                yield path
 
     def _along_route(self, route: Route, goal: Pose) -> Path | None:
         """The quickest path by poses along the route itself, which needs no search where there is one."""
         end = route.coordinates(goal, route.length)
         count = 2 + math.ceil(route.length / max(_EVERY * route.reach, _LEAST * route.length))
-        turn = 0.0 if route.along else end[2]
-        on_route = [
-            route.pose(u * route.length, 0.0, u * turn) for u in np.linspace(0.0, 1.0, count).tolist()
-        ]
-        poses = np.array([self.start, *on_route, goal])
-        path = quickest_path(poses, np.arange(len(poses)), _REACH, self.connector, _WAYS)
+        on_route = route_poses(route.legs, route.shape, count, 0.0 if route.along else end[2])
+        poses = np.concatenate([[self.start], on_route, [goal]])
+        path = quickest_path(poses, _REACH, self.connector, _WAYS)
         checked = _REACH * len(poses)
         self.work += checked
         self._tell(_ROADMAP, True, None, checked, path is not None)
@@ -133,16 +172,37 @@ class Search:
         """Whether headings follow the route: those that need not do so by turns."""
         return self.connector.steers or turn % 2 == 1
 
+    def _near(self) -> Area:
+        """The area round start and goals, or what there is of it."""
+        ends = np.array([self.start, *self.goals])[:, :2]
+        low, high = ends.min(0), ends.max(0)
+        beyond = _WIDER * math.dist(low, high) + _REACHES * (self._reach + self.connector.turning_radius)
+        (x0, y0), (x1, y1) = (low - beyond).tolist(), (high + beyond).tolist()
+        x_min, y_min, x_max, y_max = self.area
+        return max(x_min, x0), max(y_min, y0), min(x_max, x1), min(y_max, y1)
+
+    @property
+    def _reach(self) -> float:
+        """How far the footprint reaches, m."""
+        world = self.connector.world.kernel
+        return float(world[REACH] + world[RADIUS])
+
     def _solve(
-        self, name: str, seed: int, work: int, clock: Any, route: Route | None, goal: Pose
+        self, name: str, seed: int, work: int, clock: Any, route: Route | None, goal: Pose, near: bool
     ) -> Path | None:
         # Before anything of OMPL's is built: that is what makes a plan repeatable.
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
-        space = self._space() if route is None else self._beside(route)
-        pose = Pose if route is None else route.pose
+        area = self._near() if near else self.area
+        space = self._space(area) if route is None else self._beside(route)
+        pose = None if route is None else route.pose
         information = ob.SpaceInformation(space)
-        world = self.connector.world
-        information.setStateValidityChecker(lambda s: world.is_free(pose(s.getX(), s.getY(), s.getYaw())))
+        world = self.connector.world.kernel
+
+        def is_free(state: Any) -> bool:
+            at = state.getX(), state.getY(), state.getYaw()
+            return bool(pose_free(world, *(at if pose is None else pose(*at))))
+
+        information.setStateValidityChecker(is_free)
         validator = _Validator(information, self.connector, pose)
         information.setMotionValidator(validator)
         information.setup()
@@ -160,8 +220,7 @@ class Search:
         if route is not None:
             planner.setRange(max(_STRIDE * route.reach, _LEAST * route.length))
         elif name == "BKPIECE1":
-            reach = float(world.kernel[REACH] + world.kernel[RADIUS])
-            planner.setRange(max(_STEP * reach, _LEAST * math.dist(self.area[:2], self.area[2:])))
+            planner.setRange(max(_STEP * self._reach, _LEAST * math.dist(area[:2], area[2:])))
         planner.setProblemDefinition(definition)
         planner.setup()
         asked = 0
@@ -178,13 +237,13 @@ class Search:
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
         self._tell(name, route is not None, seed, validator.count, exact)
-        return self._rebuild(definition.getSolutionPath(), pose) if exact else None
+        return self._rebuild(definition.getSolutionPath().getStates(), validator) if exact else None
 
     def _is_spent(self, more: int) -> bool:
         return self.allowance is not None and self.work + more >= self.allowance
 
-    def _space(self) -> Any:
-        x_min, y_min, x_max, y_max = self.area
+    def _space(self, area: Area) -> Any:
+        x_min, y_min, x_max, y_max = area
         match self.connector.state_space:
             case "SE2":
                 space = ob.SE2StateSpace()
@@ -202,20 +261,16 @@ class Search:
         space.setBounds(_bounds((-beyond, route.length + beyond), (-beside, beside)))
         return space
 
-    def _rebuild(self, found: Any, pose: Callable[..., Pose]) -> Path | None:
-        """The connector's own motions through the states of an OMPL path."""
-        pieces: list[Any] = []
-        here = self.start
-        for state in list(found.getStates())[1:]:
-            step = self.connector.connect(here, pose(state.getX(), state.getY(), state.getYaw()))
-            if step is None:
-                return None
-            pieces += step
-            here = step[-1].end if step else here
-        return merge(pieces)
+    def _rebuild(self, states: Sequence[Any], validator: _Validator) -> Path:
+        """The connector's motions through the states of a path, as they were checked."""
+        steps = np.empty((len(states) - 1, SEGMENTS, 3))
+        for k, (a, b) in enumerate(pairwise(states)):
+            validator.free(a, b, steps[k])
+        taken = steps.reshape(-1, 3)
+        return as_path(np.array(self.start), taken[taken.any(1)], self.connector.law.kind == LINE)
 
 
-def _area(environment: Environment) -> tuple[float, float, float, float]:
+def _area(environment: Environment) -> Area:
     """x_min, y_min, x_max, y_max (m, world frame) around where poses may be."""
     layer, bounds = environment.map, environment.bounds
     box = (-math.inf, -math.inf, math.inf, math.inf)

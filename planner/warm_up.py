@@ -12,8 +12,11 @@ from planner import curves, environment
 from planner.connect import connector
 from planner.environment import CollisionWorld
 from planner.guide import Guide
+from planner.path import arc
 from planner.plan import plan
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Polygon, Problem, Robot
+from planner.roadmap import quickest_path
+from planner.route import route_poses
 
 __all__ = ["warm_up"]
 
@@ -46,5 +49,10 @@ def warm_up() -> None:
         plan(problem)
         world = CollisionWorld.build(around, footprint)
         goal = Pose(2.0, 0.0, 0.5)
-        connector(problem.robot, world, problem.options).edge_free(problem.start, goal)
-        Guide(world.kernel, problem.start, goal).route(along=True)
+        local = connector(problem.robot, world, problem.options)
+        local.edge_free(problem.start, goal)
+        local.duration((arc(problem.start, 0.0, 1.0),))
+        quickest_path(np.array([problem.start, goal]), 1, local, 1)
+        route = Guide(world.kernel, problem.start, goal).route(along=True)
+        assert route is not None
+        route_poses(route.legs, route.shape, 2, 0.0)

@@ -38,6 +38,25 @@ def test_ways_are_as_free_one_by_one_as_together_and_as_their_paths(
 
 
 @pytest.mark.parametrize("reverse", [True, False])
+@pytest.mark.parametrize("kind", ["mecanum", "differential", "ackermann"])
+def test_an_edge_is_free_where_one_of_the_shortest_motions_is(
+    robot: Callable[..., Robot], clutter: Environment, kind: str, reverse: bool
+) -> None:
+    given = robot(kind)
+    world = CollisionWorld.build(clutter, given.footprint)
+    local = connector(given, world, Options(effort="first", reverse=reverse))
+    poses = np.random.default_rng(8).uniform([-3, -2, -3], [3, 2, 3], (900, 3))
+    a, b = np.array([p for p in poses if world.is_free(Pose(*p))])[:200].reshape(2, 100, 3)
+    free = np.array([local.edge_free(Pose(*p), Pose(*q)) for p, q in zip(a, b, strict=True)])
+    assert {True, False} == set(free.tolist())
+    motions = local.motions(a, b)
+    some = (motions.free() & (motions.times < np.inf)).any(1)
+    assert not (free & ~some).any()
+    if kind != "ackermann":  # of curves only the shortest is looked at
+        assert (free == some).all()
+
+
+@pytest.mark.parametrize("reverse", [True, False])
 def test_wider_curves_are_those_of_a_connector_of_that_radius(
     robot: Callable[..., Robot], clutter: Environment, reverse: bool
 ) -> None:

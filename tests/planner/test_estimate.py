@@ -9,7 +9,7 @@ import pytest
 
 from drives.drive import Car, Holonomic
 from drives.se2 import Pose, Twist
-from planner.estimate import pace, step_durations
+from planner.estimate import pace, step_duration
 from planner.path import LinePiece, TwistPiece
 from planner.problem import Robot
 from planner.time_law import time_path
@@ -51,9 +51,7 @@ def test_from_rest_to_rest_a_constant_twist_takes_as_long_as_the_time_law_says(
     for twist in twists(given):
         timed = time_path((TwistPiece(start, twist),), given.drive, given.limits, None)
         driving = sum(phase.duration for phase in timed.phases if type(phase).__name__ != "Steer")
-        (found,) = step_durations(
-            pace(given.drive, given.limits), np.array([start]), np.array([twist]), False, False
-        )
+        found = step_duration(pace(given.drive, given.limits), start.theta, *twist, False, False)
         assert found == pytest.approx(driving, rel=1e-6)
 
 
@@ -64,15 +62,14 @@ def test_a_line_that_turns_takes_about_as_long_as_the_time_law_says(
     given = robot(kind)
     a, b = Pose(0.0, 0.0, 0.2), Pose(2.0, 1.0, 1.4)
     timed = time_path((LinePiece(a, b),), given.drive, given.limits, None)
-    (found,) = step_durations(
-        pace(given.drive, given.limits), np.array([a]), np.array(b)[None] - np.array(a), True, False
-    )
+    step = (np.array(b) - np.array(a)).tolist()
+    found = step_duration(pace(given.drive, given.limits), a.theta, *step, True, False)
     assert 0.8 * timed.duration < found < 1.5 * timed.duration
 
 
 def test_in_passing_it_is_the_way_at_full_speed(robot: Callable[..., Robot]) -> None:
     given = robot("differential")  # wheels of 0.1 m, 10 rad/s
     known = pace(given.drive, given.limits)
-    steps = np.array([[3.0, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
-    found = step_durations(known, np.zeros((4, 3)), steps, False, True)
+    steps = [(3.0, 0.0, 0.0), (-0.01, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)]
+    found = [step_duration(known, 0.0, *step, False, True) for step in steps]
     assert found == pytest.approx([3.0, 0.01, 0.2, 0.0])

@@ -64,6 +64,14 @@ def test_no_route_through_a_gap_clearly_narrower_than_the_disc() -> None:
     assert guide(wall(0.0, -3.0, -0.27), wall(0.0, 0.27, 3.0)).route(along=True) is None
 
 
+@pytest.mark.parametrize("middle", [-0.13, -0.05, 0.0, 0.04, 0.1, 0.17])
+def test_a_gap_narrower_than_the_disc_is_no_short_cut(middle: float) -> None:
+    walls = wall(0.0, -3.0, middle - 0.2), wall(0.0, middle + 0.2, 1.8)
+    route = guide(*walls).route(along=True)
+    assert route is not None
+    assert np.interp(0.0, *route.way.T) > 1.8
+
+
 @pytest.mark.parametrize("middle", [-0.13, 0.0, 0.1, 0.17])
 def test_a_route_keeps_to_the_middle_of_a_gap_hardly_wider_than_the_disc(middle: float) -> None:
     route = guide(wall(0.0, -3.0, middle - 0.31), wall(0.0, middle + 0.31, 3.0)).route(along=True)

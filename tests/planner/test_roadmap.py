@@ -12,9 +12,9 @@ import pytest
 from drives.se2 import Array, Pose
 from planner.connect import Connector, connector, is_path_free
 from planner.environment import CollisionWorld
-from planner.path import TwistPiece, as_steps
+from planner.path import TwistPiece, as_path, as_steps
 from planner.problem import Bounds, Environment, Options, Polygon, Robot
-from planner.roadmap import _ahead, quickest_path
+from planner.roadmap import merged, quickest_path, quickest_steps
 
 KINDS = ["mecanum", "differential", "ackermann"]
 
@@ -55,7 +55,7 @@ def test_no_choice_of_poses_is_quicker(
     asked = local(robot(kind, **({"steering_rate": 1e9} if kind == "ackermann" else {})), clutter)
     poses = free_poses(asked, 8, seed)
     best = least(asked, poses, reach)
-    path = quickest_path(poses, np.arange(8), reach, asked, 16)
+    path = quickest_path(poses, reach, asked, 16)
     if path is None:
         assert best == math.inf
         return
@@ -71,22 +71,23 @@ def test_there_is_none_through_a_wall(robot: Callable[..., Robot], kind: str) ->
     wall = Polygon(np.array([[-0.1, -3.0], [0.1, -3.0], [0.1, 3.0], [-0.1, 3.0]]))
     asked = local(robot(kind), Environment(Bounds(-3.0, -2.0, 3.0, 2.0), (wall,)))
     poses = np.array([[x, 0.0, 0.0] for x in (-2.0, -1.0, 1.0, 2.0)])
-    assert quickest_path(poses, np.arange(4), 4, asked, 4) is None
-    assert quickest_path(poses[:2], np.arange(2), 4, asked, 4) is not None
+    assert quickest_path(poses, 4, asked, 4) is None
+    assert quickest_path(poses[:2], 4, asked, 4) is not None
 
 
 def test_what_is_known_to_be_free_is_taken_where_no_motion_is(robot: Callable[..., Robot]) -> None:
-    asked = local(robot("differential"), Environment(Bounds(-0.9, -0.9, 0.9, 0.9)))
     # All but a turn: the connector would turn the shorter way, and so does nothing that ends where this does.
     poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 3.0]])
-    steps, place = np.array([[0.0, 0.0, 3.0 - math.tau]]), np.array([0, 1])
-    path = quickest_path(poses, np.arange(2), 2, asked, 4, (poses, steps, place))
-    assert path is not None
-    assert as_steps(path)[1][:, 2].sum() == pytest.approx(3.0)  # the quicker of the two
-    walled = local(robot("differential"), Environment(Bounds(-0.2, -0.2, 0.2, 0.2)))  # nothing is free
-    path = quickest_path(poses, np.arange(2), 2, walled, 4, (poses, steps, place))
-    assert path is not None
-    assert as_steps(path)[1][:, 2].sum() == pytest.approx(3.0 - math.tau)
+    known = poses[:1], np.array([[0.0, 0.0, 3.0 - math.tau]]), np.array([0, 1])
+
+    def turned(half: float) -> float:
+        asked = local(robot("differential"), Environment(Bounds(-half, -half, half, half)))
+        steps, found = quickest_steps(asked.world.kernel, asked.law, poses, np.arange(2), 2, 2, *known)
+        assert found
+        return float(steps[:, 2].sum())
+
+    assert turned(0.9) == pytest.approx(3.0)  # the quicker of the two
+    assert turned(0.2) == pytest.approx(3.0 - math.tau)  # nothing is free
 
 
 def test_changes_of_direction_cost_their_time(robot: Callable[..., Robot], floor: Environment) -> None:
@@ -94,16 +95,28 @@ def test_changes_of_direction_cost_their_time(robot: Callable[..., Robot], floor
     assert asked.reversal > 0.1
     # Forwards twice is longer than backwards and forwards, but does without the reversal.
     poses = np.array([[0.0, 0.0, 0.0], [-0.02, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    path = quickest_path(poses, np.arange(3), 2, asked, 2)
+    path = quickest_path(poses, 2, asked, 2)
     assert path is not None
     assert all(isinstance(piece, TwistPiece) and piece.twist.vx >= 0 for piece in path)
 
 
-@pytest.mark.parametrize("reach", [1, 3, 50, math.inf])
-def test_pairs_are_all_those_whose_second_is_ahead_within_reach(reach: float) -> None:
-    station = np.concatenate([np.arange(40), np.arange(1, 39), np.arange(1, 39)])
-    ahead = station[None] - station[:, None]
-    expected = set(zip(*(i.tolist() for i in np.nonzero((ahead > 0) & (ahead <= reach))), strict=True))
-    first, second = _ahead(station, reach)
-    assert len(first) == len(expected)
-    assert set(zip(first.tolist(), second.tolist(), strict=True)) == expected
+def test_of_poses_at_one_station_the_best_is_passed(robot: Callable[..., Robot], floor: Environment) -> None:
+    asked = local(robot("differential"), floor)
+    on_the_way = [0.8, 0.0, 0.0]
+    poses = np.array([[0.0, 0.0, 0.0], [0.8, 0.5, 2.0], on_the_way, [0.8, -0.5, -2.0], [1.6, 0.0, 0.0]])
+    station = np.array([0, 1, 1, 1, 2])
+    none = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64)
+    steps, found = quickest_steps(asked.world.kernel, asked.law, poses, station, 1, 2, *none)
+    assert found
+    np.testing.assert_allclose(steps, [[1.6, 0.0, 0.0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("straight", [True, False])
+def test_steps_are_merged_as_pieces_are(straight: bool) -> None:
+    steps = np.array([
+        [1.0, 0.0, 0.5], [2.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.5], [0.5, 0.0, 0.0],
+        [1.5, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, -2.0],
+    ])  # fmt: skip
+    pieces = as_steps(as_path(np.zeros(3), steps, straight))[1]
+    np.testing.assert_allclose(merged(steps, straight), pieces, atol=1e-12)
+    assert len(pieces) < len(steps)

@@ -41,7 +41,7 @@ def clock(looks: int) -> Callable[[], bool]:
 
 def first(asked: Search, count: int) -> list[Path]:
     """The first paths found, within a time that is ample but ends."""
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     found = [path for _, path in itertools.islice(asked.paths(lambda: time.monotonic() > end), count)]
     assert len(found) == count, asked.tried
     return found
@@ -130,6 +130,48 @@ def test_no_time_no_turn(ask: Ask, clutter: Environment) -> None:
     asked = search(ask("omni", START, GOAL, clutter), GOAL)
     assert list(asked.paths(lambda: True)) == []
     assert asked.tried == []
+
+
+@pytest.mark.parametrize("kind", ["differential", "omni", "ackermann"])
+def test_others_are_free_and_not_the_same(ask: Ask, clutter: Environment, kind: str) -> None:
+    problem = ask(kind, START, GOAL, clutter)
+    others = 0
+    for seed in range(6):
+        asked = search(problem, GOAL, seed=seed)
+        found = [*first(asked, 1), *asked.others(lambda: False)]
+        assert len(set(found)) == len(found)
+        others += len(found) - 1
+        for path in found:
+            assert joins(path, problem.start, [Pose(*GOAL)])
+            assert is_free(problem, path)
+    assert others > 0
+
+
+@pytest.mark.parametrize("kind", ["differential", "omni", "ackermann"])
+def test_a_short_way_takes_no_more_work_on_a_larger_floor(ask: Ask, clutter: Environment, kind: str) -> None:
+    wide = Environment(Bounds(-500.0, -500.0, 500.0, 500.0), clutter.obstacles)
+    wider = Environment(Bounds(-5000.0, -5000.0, 5000.0, 5000.0), clutter.obstacles)
+    worked = []
+    for environment in (wide, wider):
+        asked = search(ask(kind, START, GOAL, environment), GOAL)
+        first(asked, 1)
+        worked.append(asked.work)
+    assert worked[0] == worked[1] < 300
+
+
+def test_doubts_are_told_after_the_first_search_failed(ask: Ask, clutter: Environment) -> None:
+    def doubt() -> None:
+        raise NotImplementedError
+
+    problem = ask("omni", (-2.0, -2.0, 0.0), (0.0, 0.0, 0.0), box())
+    asked = search(problem, (0.0, 0.0, 0.0))
+    asked.doubt = doubt
+    with pytest.raises(NotImplementedError):
+        next(asked.paths(lambda: False))
+    assert len(asked.tried) == 1
+    asked = search(ask("omni", START, GOAL, clutter), GOAL)
+    asked.doubt = doubt
+    next(asked.paths(lambda: False))
 
 
 # ---------------------------------------------------------------- shortening
