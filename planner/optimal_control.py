@@ -35,6 +35,11 @@ _EFFORT = (1e-3, 2e-2)
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
 settles what would be undetermined; where that is not enough the second is tried."""
 
+_LIGHT = 0.03
+"""Weight of the rows that hold the goal. Fatrop solves a row for the controls of the last stage that has any
+pivot above 1e-5 to offer: next to nothing, where a car comes to rest, against going sideways. Divided by that
+again and again, no step is ever fit, and it looks for one for ever. Light rows are left to earlier stages."""
+
 _FATROP = {"tol": 1e-5, "mu_superlinear_decrease_power": 1.3, "bound_push": 0.1, "bound_frac": 0.1}
 _BARRIER = {"car": 1e-3, "twist": 3e-4, "unicycle": 1e-4}
 """To begin with: so near the limits, it takes half the iterations than from 0.03; nearer, more get stuck."""
@@ -235,7 +240,8 @@ class _Motion:
     def finish(self, x: Any) -> list[Any]:
         """What is zero at rest at the goal."""
         still = np.zeros(self.shape.state - 4)
-        return self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
+        apart = self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
+        return [_LIGHT * each for each in apart]
 
     def _differences(self, x: Any, to: Any, given: str) -> list[Any]:
         """Of a state to another one, as far as that is given."""

@@ -44,15 +44,15 @@ class Phases:
     def duration(self) -> float:
         return math.fsum(phase.duration for phase in self.phases)
 
-    def slowed(self, by: float) -> Phases:
-        """The same motion in `by` times the time."""
-        law = np.array([[0.0], [1 / by], [0.0], [0.0]])
-        return Phases(
-            self.drive,
-            tuple(
-                Warped(phase, Profile(np.array([0.0, by * phase.duration]), *law)) for phase in self.phases
-            ),
-        )
+    def slowed(self, by: float, period: float) -> Phases:
+        """The same motion in `by` times the time and a little more, so that every phase takes whole periods
+        (s)."""
+        phases = []
+        for phase in self.phases:
+            duration = math.ceil(by * phase.duration / period) * period
+            law = np.array([[0.0], [phase.duration / duration], [0.0], [0.0]])
+            phases.append(Warped(phase, Profile(np.array([0.0, duration]), *law)))
+        return Phases(self.drive, tuple(phases))
 
     def sample(self, time: Array) -> WheelSchedule:
         """The motion at times (n,), which must increase within [0, duration]."""
@@ -91,7 +91,9 @@ class Steer:
         rate = (self.after - self.before) / self.duration
         out.wheel_angle[rows] = angle
         out.steering_angle[rows] = self.before + np.multiply.outer(time, rate)
-        out.steering_rate[rows] = rate
+        # Where it jumps the rate is that of the motion before or after, which turns while it drives.
+        inside = (time > 1e-9 * self.duration) & (time < (1 - 1e-9) * self.duration)
+        out.steering_rate[rows] = np.multiply.outer(inside, rate)
         out.pose[rows] = self.pose
         return angle
 
