@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -26,7 +27,7 @@ from drives.drive import (
 )
 from drives.se2 import Array, Twist
 from drives.steering import aim, steer
-from drives.wheel import solve_twist, velocity_at, wheel_rows
+from drives.wheel import rigid_motion
 
 __all__ = ["CarLike"]
 
@@ -58,7 +59,7 @@ class CarLike(Drive):
         return (*self.steered_names, "rear_left", "rear_right")
 
     def rolling_law(self) -> Rolling:
-        x, y = self._points()
+        x, y = self._points
         steered = np.arange(len(x)) < len(self._front)
         rows = np.stack([np.ones_like(y), np.zeros_like(y), -y], -1) / self.wheel_radius
         points = np.stack([x, y], -1)
@@ -77,20 +78,16 @@ class CarLike(Drive):
     def inverse(self, twist: Twist, steering: Array | None = None) -> WheelState:
         row = np.array([twist], dtype=float)
         refuse_sideways(self.kind, row)
-        x, y = self._points()
+        x, y = self._points
         k = len(self._front)
         # Nearest to 0 is the branch in [-π/2, π/2]: reversing keeps the angle and turns the rate round.
         front = aim(x[:k], y[:k], self.wheel_radius, Twist(twist.vx, 0.0, twist.omega), np.zeros(k))
         return WheelState(
-            np.concatenate([front.rates, self._rear(row)[0]]), front.steering, front.steering_rates
+            np.concatenate([front.rates, (row @ self._rear)[0]]), front.steering, front.steering_rates
         )
 
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
-        x, y = self._points()
-        delta = np.hstack([steering, np.zeros((len(steering), 2))])
-        return solve_twist(
-            wheel_rows(x, y, delta), np.hstack([rates * self.wheel_radius, np.zeros_like(delta)])
-        )
+        return rigid_motion(*self._points, self.wheel_radius, 0.0, rates, steering, steering_rates)
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf
@@ -103,27 +100,28 @@ class CarLike(Drive):
             raise InadmissibleTwist(
                 f"the {self.kind} drive cannot turn about a point between its front wheels"
             )
-        x, y = self._points()
+        x, y = self._points
         k = len(self._front)
         level = BodyPath(path.s, path.heading, path.tangent * _LEVEL, path.tangent_derivative * _LEVEL)
         front = steer(x[:k], y[:k], self.wheel_radius, level, np.zeros(k), steering_limit)
         return ActuatorPath(
-            np.hstack([front.wheel, self._rear(path.tangent)]),
-            np.hstack([front.wheel_derivative, self._rear(path.tangent_derivative)]),
+            np.concatenate([front.wheel, path.tangent @ self._rear], 1),
+            np.concatenate([front.wheel_derivative, path.tangent_derivative @ self._rear], 1),
             front.steering,
             front.steering_derivative,
         )
 
+    @cached_property
     def _points(self) -> tuple[Array, Array]:
         """Where the wheels stand: x (m,) and y (m,)."""
         x = np.array([self.wheelbase] * len(self._front) + [0.0, 0.0])
         return x, np.array([*self._front, self.track_width / 2, -self.track_width / 2])
 
-    def _rear(self, twists: Array) -> Array:
-        """Rates (n, 2) of the rear wheels at twists (n, 3)."""
-        x, y = self._points()
-        rates: Array = velocity_at(x[-2:], y[-2:], twists)[..., 0] / self.wheel_radius
-        return rates
+    @cached_property
+    def _rear(self) -> Array:
+        """Takes twists (n, 3) to the rates (n, 2) of the rear wheels."""
+        y = self._points[1][-2:]
+        return np.stack([np.ones(2), np.zeros(2), -y]) / self.wheel_radius
 
 
 _LEVEL = np.array([1.0, 0.0, 1.0])

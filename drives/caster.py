@@ -9,99 +9,131 @@ a linear system in 2×2 matrices,
 solved by one matrix exponential where the tangent is constant (straights, arcs), however long the step, and
 to fourth order by the Magnus series elsewhere (Iserles et al., 2000, sect. 4). Written on the angle,
 
-    β = β0 + 2 arg α + 2 arg(1 + g·exp(-iβ0)),    g = γ/α,    |g| < 1,
+    β = β0 + 2 arg(α + γ·exp(-iβ0)),    |γ| < |α|,
 
-it never leaves the circle and never loses a turn. So a step of the path is the pair (arg α, g); finding the
-pairs is vectorised, and what remains to be done in sequence are a sine, a cosine and an arctangent a step.
+it never leaves the circle and, as arg α stays small in every step, never loses a turn.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from drives.drive import BodyPath
+from drives.drive import ActuatorPath, BodyPath
 from drives.se2 import Array
+from drives.wheel import velocity_at
 
-__all__ = ["swing"]
-
-Complex = NDArray[np.complex128]
+__all__ = ["caster_law"]
 
 FINEST = 64
-"""Most sub-steps an interval is cut into: a grid that needs more does not resolve the caster."""
+"""Most steps an interval is cut into: a grid that needs more does not resolve the caster."""
 
-TURN_PER_STEP = 0.1
-"""Largest swing (rad) of a free caster in one sub-step."""
+ACCURACY = 5e-10
+"""What the steps over an interval may err by, rad."""
 
 
-def swing(path: BodyPath, p: Array, dp: Array, start: Array, offset: float) -> Array:
-    """Angles β (n, m) rad of casters of this offset (m) that stand at start (m,) as the path begins.
+def caster_law(
+    path: BodyPath, x: Array, y: Array, radius: float, offset: float, start: Array
+) -> ActuatorPath:
+    """The actuator law along a path of casters whose steering axes are at (x, y) (m,), of this wheel radius
+    and offset (m), and which stand at start (m,) rad as it begins.
 
-    p, dp (n, m, 2): velocity of each steering axis, body frame, per unit of s, and its derivative. Accurate
-    to 1e-8 where the path's samples resolve the offset.
+    The angles are accurate to 1e-8 where the path's samples resolve the offset.
     """
-    h = np.diff(path.s)[:, None]
-    q, dq = _plane(p / (2 * offset)), _plane(dp / (2 * offset))
-    t, dt = (-v[:, 2:].astype(np.complex128) / 2 for v in (path.tangent, path.tangent_derivative))
-    swing_rate = 2 * np.abs(q) + np.abs(path.tangent[:, 2:])
-    needed = float((h * np.maximum(swing_rate[1:], swing_rate[:-1])).max(initial=0.0)) / TURN_PER_STEP
-    pieces = min(max(math.ceil(needed), 1), FINEST) if math.isfinite(needed) else 1
-    q_at, t_at = _cubic(q, dq, h), _cubic(t, dt, h)
-    step: tuple[Array, Complex] | None = None
-    for k in range(pieces):
-        early, late = (k + 0.5 - math.sqrt(3) / 6) / pieces, (k + 0.5 + math.sqrt(3) / 6) / pieces
-        piece = _magnus(t_at(early).real, t_at(late).real, q_at(early), q_at(late), h / pieces)
-        step = piece if step is None else _then(step, piece)
-    assert step is not None
-    turn, pull = step
-    return np.asarray(_follow(np.array(start), np.ascontiguousarray(turn), np.ascontiguousarray(pull)))
-
-
-def _plane(v: Array) -> Complex:
-    """Vectors (..., 2) as complex numbers (...)."""
-    return np.ascontiguousarray(v).view(np.complex128)[..., 0]
-
-
-def _cubic(y: Complex, dy: Complex, h: Array) -> Callable[[float], Complex]:
-    """Hermite's cubic through y (n, m) with slopes dy, as a function of the fraction of every interval."""
-    y0, m0, m1 = y[:-1], h * dy[:-1], h * dy[1:]
-    rise = y[1:] - y0
-    b, a = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
-    return lambda u: y0 + u * (m0 + u * (b + u * a))
-
-
-def _magnus(t1: Array, t2: Array, q1: Complex, q2: Complex, h: Array) -> tuple[Array, Complex]:
-    """The step (arg α, g) over h of [i·t q; q̄ -i·t], given t and q at the interval's two Gauss points."""
-    skew = math.sqrt(3) / 12 * h * h
-    t = h / 2 * (t1 + t2) - 2 * skew * (q1 * q2.conj()).imag
-    q = h / 2 * (q1 + q2) - 2j * skew * (t1 * q2 - t2 * q1)
-    square = np.abs(q) ** 2 - t * t
-    root = np.sqrt(np.abs(square))
-    safe = np.maximum(root, 1e-9)  # below it both quotients are 1 to the last bit
-    factor = np.where(square >= 0, np.tanh(safe), np.tan(safe)) / safe
-    return np.arctan(t * factor), q * factor / (1 + 1j * t * factor)
-
-
-def _then(first: tuple[Array, Complex], second: tuple[Array, Complex]) -> tuple[Array, Complex]:
-    """One step after another as a single step, no turn lost."""
-    (a1, g1), (a2, g2) = first, second
-    back = np.exp(-2j * a1) * g2
-    one = 1 + back * g1.conj()
-    return a1 + a2 + np.angle(one), (g1 + back) / one
+    tangent, change = np.ascontiguousarray(path.tangent), np.ascontiguousarray(path.tangent_derivative)
+    p, dp = velocity_at(x, y, tangent), velocity_at(x, y, change)
+    beta = _swing(path.s, tangent[:, 2].copy(), change[:, 2].copy(), p, dp, start, offset)
+    return ActuatorPath(*_law(tangent[:, 2].copy(), p, dp, beta, radius, offset))
 
 
 @njit(cache=True, error_model="numpy")
-def _follow(start: Array, a: Array, g: Complex) -> Array:
-    """The angles (n, m) after none, one, … all of the steps a, g (n - 1, m)."""
-    beta = np.empty((len(a) + 1, len(start)))
-    beta[0] = start
-    for i in range(len(a)):
-        for j in range(len(start)):
-            angle = beta[i, j]
-            beta[i + 1, j] = angle + 2 * a[i, j] + 2 * cmath.phase(1 + g[i, j] * cmath.rect(1.0, -angle))
+def _law(
+    turn: Array, p: Array, dp: Array, beta: Array, radius: float, offset: float
+) -> tuple[Array, Array, Array, Array]:
+    """w, w′, β and β′ (n, m), β given."""
+    w, dw, slope = np.empty(beta.shape), np.empty(beta.shape), np.empty(beta.shape)
+    for i in range(beta.shape[0]):
+        for j in range(beta.shape[1]):
+            c, s = math.cos(beta[i, j]), math.sin(beta[i, j])
+            across = p[i, j, 1] * c - p[i, j, 0] * s
+            slope[i, j] = across / offset - turn[i]
+            w[i, j] = (p[i, j, 0] * c + p[i, j, 1] * s) / radius
+            dw[i, j] = (dp[i, j, 0] * c + dp[i, j, 1] * s + slope[i, j] * across) / radius
+    return w, dw, beta, slope
+
+
+@njit(cache=True, error_model="numpy")
+def _swing(
+    s: Array, turn: Array, turn_change: Array, p: Array, dp: Array, start: Array, offset: float
+) -> Array:
+    """Angles β (n, m). p, dp (n, m, 2): velocity of each steering axis, body frame, per unit of s, and its
+    derivative; turn and its change (n,): those of the body's heading."""
+    n, m = len(s), len(start)
+    beta = np.empty((n, m))
+    for j in range(m):
+        beta[0, j] = angle = start[j]
+        for i in range(n - 1):
+            h = s[i + 1] - s[i]
+            # Of Hermite's cubics of q and t = -ω/2 over the interval: where they begin, slopes, and rise.
+            half = h / (2 * offset)
+            q, q_rise = complex(p[i, j, 0], p[i, j, 1]) * half, complex(p[i + 1, j, 0], p[i + 1, j, 1]) * half
+            q0, q1 = complex(dp[i, j, 0], dp[i, j, 1]), complex(dp[i + 1, j, 0], dp[i + 1, j, 1])
+            q_rise, q0, q1 = q_rise - q, q0 * (half * h), q1 * (half * h)
+            t, t_rise = -h / 2 * turn[i], -h / 2 * (turn[i + 1] - turn[i])
+            t0, t1 = -h * h / 2 * turn_change[i], -h * h / 2 * turn_change[i + 1]
+            pieces = _steps(
+                max(_size(q, t), _size(q + q_rise, t + t_rise)),
+                max(_size(q_rise, t_rise), _size(q0, t0), _size(q1, t1)),
+                max(abs(t), abs(t + t_rise)),
+            )
+            for k in range(pieces):
+                u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
+                ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
+                qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
+                gain = _magnus(ta.real, tb.real, qa, qb, 1.0 / pieces, cmath.rect(1.0, -angle))
+                angle += 2 * cmath.phase(gain)
+            beta[i + 1, j] = angle
     return beta
+
+
+_GAUSS = math.sqrt(3) / 6
+
+
+@njit(cache=True, error_model="numpy")
+def _size(q: complex, t: float) -> float:
+    return math.sqrt(q.real * q.real + q.imag * q.imag) + abs(t)
+
+
+@njit(cache=True, error_model="numpy")
+def _steps(size: float, change: float, turn: float) -> int:
+    """How many steps an interval takes, over which the linear system's matrix, of this size, changes by
+    `change`: what the fourth-order series leaves out goes with its commutators. In one step the body turns by
+    2 rad at most."""
+    left_out = size * change * (size * size / 45 + change / 30)
+    needed = max(math.sqrt(math.sqrt(left_out / ACCURACY)), turn)
+    return int(min(max(math.ceil(needed), 1), FINEST)) if math.isfinite(needed) else 1
+
+
+@njit(cache=True, error_model="numpy")
+def _cubic(begin: complex, rise: complex, first: complex, last: complex, u: float) -> complex:
+    """Hermite's cubic over [0, 1] at u, its slopes at the ends `first` and `last`."""
+    return begin + u * (first + u * (3 * rise - 2 * first - last + u * (first + last - 2 * rise)))
+
+
+@njit(cache=True, error_model="numpy")
+def _magnus(t1: float, t2: float, q1: complex, q2: complex, h: float, back: complex) -> complex:
+    """α + γ·back, up to a positive factor, of the step over h of [i·t q; q̄ -i·t], given t and q at the
+    interval's two Gauss points."""
+    skew = math.sqrt(3) / 12 * h * h
+    t = h / 2 * (t1 + t2) - 2 * skew * (q1 * q2.conjugate()).imag
+    q = h / 2 * (q1 + q2) - 2j * skew * (t1 * q2 - t2 * q1)
+    square = q.real * q.real + q.imag * q.imag - t * t
+    if abs(square) < 1e-3:  # tanh(√x)/√x, or tan where x < 0, to the last bit
+        factor = 1 - square * (1 / 3 - square * (2 / 15 - square * (17 / 315 - square * 62 / 2835)))
+    else:
+        root = math.sqrt(abs(square))
+        factor = (math.tanh(root) if square >= 0 else math.tan(root)) / root
+    return 1.0 + factor * (q * back + complex(0.0, t))

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numba import njit
 
 from drives.drive import InadmissibleTwist, InvalidDrive
 from drives.se2 import Array
@@ -52,12 +53,19 @@ def distinct(parameter: str, names: Sequence[str]) -> None:
 
 def refuse_sideways(kind: str, twists: Array) -> None:
     """Refuse twists (n, 3) whose vy (m/s) is more than round-off. Raises InadmissibleTwist."""
-    sideways = np.abs(twists[:, 1])
-    # written so that NaN is refused too
-    fits = sideways <= 1e-9 * (np.abs(twists[:, 0]) + np.abs(twists[:, 2])) + 1e-12
-    if not fits.all():
-        i = int(np.argmin(fits))
+    i = _first_sideways(np.ascontiguousarray(twists))
+    if i >= 0:
         raise InadmissibleTwist(f"vy is {twists[i, 1]:g}, but the {kind} drive does not move sideways")
+
+
+@njit(cache=True)
+def _first_sideways(twists: Array) -> int:
+    """The first of twists (n, 3) whose vy is more than round-off, or -1."""
+    for i in range(len(twists)):
+        # written so that NaN is refused too
+        if not abs(twists[i, 1]) <= 1e-9 * (abs(twists[i, 0]) + abs(twists[i, 2])) + 1e-12:
+            return i
+    return -1
 
 
 def refuse_beyond(steering: Array, limit: float, names: Iterable[str]) -> None:

@@ -21,7 +21,7 @@ from drives.drive import (
     WheelState,
 )
 from drives.se2 import Array, Twist
-from drives.wheel import explained
+from drives.wheel import fixed_motion
 
 __all__ = ["FixedWheels"]
 
@@ -37,13 +37,14 @@ class FixedWheels(Drive):
         """Rows (m, 3) and travel (m,) m/rad of the rolling equations rows·ξ = travel·rate, in m/s."""
 
     @cached_property
-    def _equations(self) -> tuple[Array, Array, Array]:
-        """J (m, 3); all equations' rows (e, 3), the sideways one last; their pseudo-inverse (3, e)."""
+    def _equations(self) -> tuple[Array, Array, Array, Array]:
+        """J (m, 3); all equations' rows (e, 3), the sideways one last; their pseudo-inverse (3, e); the
+        travel (m,)."""
         rows, travel = self.rolling()
         every = rows if self.sideways else np.vstack([rows, [0.0, 1.0, 0.0]])
         jacobian = rows / travel[:, None]
         jacobian.setflags(write=False)
-        return jacobian, every, np.linalg.pinv(every)
+        return jacobian, every, np.linalg.pinv(every), travel
 
     def rolling_law(self) -> Rolling:
         rows = self._equations[0]
@@ -57,8 +58,8 @@ class FixedWheels(Drive):
         return WheelState(self._rates(np.array([twist], dtype=float))[0], np.zeros(0))
 
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
-        _, rows, pseudo = self._equations
-        return explained(rows, pseudo, np.ascontiguousarray(rates, dtype=float), self.rolling()[1])
+        _, rows, pseudo, travel = self._equations
+        return fixed_motion(rows, pseudo, travel, rates)
 
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf

@@ -9,7 +9,7 @@ import numpy as np
 from drives.checks import SHORTEST, count, distinct, lengths, number
 from drives.drive import Drive, Holonomic, InvalidDrive, Limits, Mobility, Rolling
 from drives.se2 import Array
-from drives.wheel import Module, solve_twist, wheel_rows
+from drives.wheel import Module, rigid_motion
 
 __all__ = ["SteeredModules"]
 
@@ -55,11 +55,9 @@ class SteeredModules(Drive):
 
     def forward(self, rates: Array, steering: Array, steering_rates: Array) -> tuple[Array, Array]:
         x, y = self._axes
-        values = np.hstack([rates * self.wheel_radius, steering_rates * self.trail])
-        return solve_twist(wheel_rows(x, y, steering, self.trail), values)
+        return rigid_motion(x, y, self.wheel_radius, self.trail, rates, steering, steering_rates)
 
     @cached_property
     def _axes(self) -> tuple[Array, Array]:
         """Where the steering axes stand: x (m,) and y (m,)."""
-        x, y = np.array([[m.x, m.y] for m in self.modules], dtype=float).T
-        return x, y
+        return np.array([float(m.x) for m in self.modules]), np.array([float(m.y) for m in self.modules])

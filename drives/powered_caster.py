@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from drives.caster import swing
+from drives.caster import caster_law
 from drives.checks import lengths, refuse_beyond
 from drives.drive import ActuatorPath, BodyPath, Drive, WheelState
 from drives.modules import SteeredModules
@@ -55,14 +55,10 @@ class PoweredCaster(SteeredModules):
     def actuators(
         self, path: BodyPath, steering: Array | None = None, steering_limit: float = np.inf
     ) -> ActuatorPath:
-        start = np.zeros(len(self.modules)) if steering is None else np.asarray(steering, dtype=float)
-        p, dp = (velocity_at(*self._axes, t) for t in (path.tangent, path.tangent_derivative))
-        beta = swing(path, p, dp, start, self.caster_offset)
-        refuse_beyond(beta, steering_limit, self.wheel_names)
-        along, across = self._seen_by_wheels(path.tangent, beta)
-        slope = across / self.caster_offset - path.tangent[:, 2:]
-        gained = self._seen_by_wheels(path.tangent_derivative, beta)[0] + slope * across
-        return ActuatorPath(along / self.wheel_radius, gained / self.wheel_radius, beta, slope)
+        start = np.zeros(len(self.modules)) if steering is None else np.array(steering, dtype=float)
+        law = caster_law(path, *self._axes, self.wheel_radius, self.caster_offset, start)
+        refuse_beyond(law.steering, steering_limit, self.wheel_names)
+        return law
 
     def _seen_by_wheels(self, twists: Array, beta: Array) -> tuple[Array, Array]:
         """Velocities (n, m) of the axes at twists (n, 3), along and to the left of wheels at beta (n, m)."""

@@ -9,7 +9,10 @@ Where p runs through zero its direction has a limit, ±p′: δ stays continuous
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from drives.checks import STEERING_TOLERANCE
@@ -53,15 +56,76 @@ def steer(
     near (m,) rad: start on the branch (mod π) nearest to it that keeps |δ| <= limit; None: with w >= 0 and δ
     in (-π, π], unless the limit asks for another. Raises InadmissibleTwist where no branch is within it.
     """
-    p, dp = velocity_at(x, y, path.tangent), velocity_at(x, y, path.tangent_derivative)
-    size = _size(x, y, path.tangent)
-    delta, slope = np.empty(p.shape[:2]), np.empty(p.shape[:2])
-    for j in range(len(x)):
-        hold = 0.0 if near is None else float(near[j])
-        delta[:, j], slope[:, j] = _direction(path.s, p[:, j], dp[:, j], float(size[j]), hold)
-    delta = delta + np.pi * _half_turns(delta, near, limit)
-    e = np.stack([np.cos(delta), np.sin(delta)], axis=-1)
-    return ActuatorPath((p * e).sum(-1) / radius, (dp * e).sum(-1) / radius, delta, slope)
+    hold = np.zeros(len(x)) if near is None else np.array(near, dtype=float)
+    tangent, change = np.ascontiguousarray(path.tangent), np.ascontiguousarray(path.tangent_derivative)
+    w, dw, delta, slope, standing = _steered(x, y, radius, path.s, tangent, change, hold)
+    for j in np.flatnonzero(standing.any(0) & ~standing.all(0)):
+        there = standing[:, j]  # where p′ tells the direction, δ′ comes from δ
+        slope[there, j] = np.gradient(delta[:, j], path.s, edge_order=2 if len(path.s) > 2 else 1)[there]
+    turns = _half_turns(delta, near, limit)
+    sense = 1 - 2 * (turns % 2)
+    return ActuatorPath(w * sense, dw * sense, delta + np.pi * turns, slope)
+
+
+@njit(cache=True, error_model="numpy")
+def _steered(
+    x: Array, y: Array, radius: float, s: Array, tangent: Array, change: Array, hold: Array
+) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """w, w′, δ and δ′ (n, m), δ continuous modulo the half turns at the zeros of p; and where p counts as
+    zero (n, m): there δ′ is 0. A wheel that never moves is at `hold` (m,)."""
+    n, m = len(s), len(x)
+    w, dw, delta, slope = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.zeros((n, m))
+    standing = np.empty((n, m), np.bool_)
+    p, dp = np.empty((n, 2)), np.empty((n, 2))
+    for j in range(m):
+        size = growth = 0.0
+        lever = math.sqrt(x[j] * x[j] + y[j] * y[j])
+        for i in range(n):
+            p[i, 0], p[i, 1] = tangent[i, 0] - tangent[i, 2] * y[j], tangent[i, 1] + tangent[i, 2] * x[j]
+            dp[i, 0], dp[i, 1] = change[i, 0] - change[i, 2] * y[j], change[i, 1] + change[i, 2] * x[j]
+            body = math.sqrt(tangent[i, 0] ** 2 + tangent[i, 1] ** 2) + lever * abs(tangent[i, 2])
+            size, growth = max(size, body), max(growth, math.sqrt(dp[i, 0] ** 2 + dp[i, 1] ** 2))
+        moves = False
+        for i in range(n):
+            standing[i, j] = not math.sqrt(p[i, 0] ** 2 + p[i, 1] ** 2) > AT_REST * size
+            moves |= not standing[i, j]
+        last, raw, turns, known = -1, 0.0, 0.0, 0.0
+        for i in range(n):
+            still = standing[i, j]
+            if not moves:
+                delta[i, j] = hold[j]
+            elif still and not math.sqrt(dp[i, 0] ** 2 + dp[i, 1] ** 2) > AT_REST * growth:
+                # Nothing tells its direction here: from the last known one on to the next.
+                delta[i, j] = known
+                continue
+            else:
+                before = raw
+                raw = math.atan2((dp if still else p)[i, 1] + 0.0, (dp if still else p)[i, 0])
+                if last >= 0:
+                    # Taken from p′, or on the far side of a zero of p, it is known up to a half turn only.
+                    half = still or standing[last, j]
+                    half = half or _runs_through_zero(s[i] - s[last], p, dp, last, i, NEAR_MISS * size)
+                    period = 1 if half else 2
+                    turns += period * round((raw - before) / (period * math.pi))
+                delta[i, j] = raw - math.pi * turns
+                for k in range(last + 1, i):
+                    share = (s[k] - s[last]) / (s[i] - s[last]) if last >= 0 else 1.0
+                    delta[k, j] = known + share * (delta[i, j] - known)
+                last, known = i, delta[i, j]
+            if not still:
+                speed = math.sqrt(p[i, 0] ** 2 + p[i, 1] ** 2)
+                signed = speed if turns % 2 == 0 else -speed
+                w[i, j] = signed / radius
+                dw[i, j] = (p[i, 0] * dp[i, 0] + p[i, 1] * dp[i, 1]) / (signed * radius)
+                slope[i, j] = (p[i, 0] * dp[i, 1] - p[i, 1] * dp[i, 0]) / (speed * speed)
+        for i in range(n):
+            if standing[i, j]:
+                c, q = math.cos(delta[i, j]), math.sin(delta[i, j])
+                w[i, j], dw[i, j] = (
+                    (p[i, 0] * c + p[i, 1] * q) / radius,
+                    (dp[i, 0] * c + dp[i, 1] * q) / radius,
+                )
+    return w, dw, delta, slope, standing
 
 
 def _size(x: Array, y: Array, twists: Array) -> Array:
@@ -80,44 +144,19 @@ def _half_turns(delta: Array, near: Array | None, limit: float) -> Array:
     return np.clip(wanted, least, most)
 
 
-def _direction(s: Array, p: Array, dp: Array, size: float, hold: float) -> tuple[Array, Array]:
-    """The angle (n,) of p (n, 2), continuous modulo the half turns at its zeros, and its slope (n,)."""
-    speed, growth = np.hypot(p[:, 0], p[:, 1]), np.hypot(dp[:, 0], dp[:, 1])
-    moving = speed > AT_REST * size
-    if not moving.any():
-        return np.full(len(s), hold), np.zeros(len(s))
-    known = np.flatnonzero(moving | (growth > AT_REST * growth.max()))
-    v = np.where(moving[:, None], p, dp)[known]
-    angle = np.arctan2(v[:, 1] + 0.0, v[:, 0])
-    # A direction taken from p′, or on the far side of a zero of p, is known up to a half turn only.
-    free = ~moving[known]
-    half = free[1:] | free[:-1] | _runs_through_zero(s[known], p[known], dp[known], NEAR_MISS * size)
-    period = np.where(half, np.pi, 2 * np.pi)
-    angle[1:] -= np.cumsum(period * np.round(np.diff(angle) / period))
-    delta = np.interp(s, s[known], angle)
-    slope = np.zeros(len(s))
-    if not moving.all():  # more than one sample, as one of them moves
-        slope = np.gradient(delta, s, edge_order=2 if len(s) > 2 else 1)
-    c, n = np.cos(delta), np.sin(delta)
-    along, across = p[:, 0] * c + p[:, 1] * n, dp[:, 1] * c - dp[:, 0] * n
-    np.divide(across, along, out=slope, where=moving)
-    return delta, slope
-
-
-def _runs_through_zero(s: Array, p: Array, dp: Array, near: float) -> NDArray[np.bool_]:
-    """Whether p (n, 2), a cubic between samples, comes within `near` of zero in each interval (n - 1,)."""
-    found = np.zeros(len(s) - 1, dtype=bool)
-    i = np.flatnonzero((p[1:] * p[:-1]).sum(-1) < 0)
-    if not len(i):
-        return found
-    h = (s[i + 1] - s[i])[:, None]
-    p0, p1, m0, m1 = p[i], p[i + 1], h * dp[i], h * dp[i + 1]
-    b, a = 3 * (p1 - p0) - 2 * m0 - m1, 2 * (p0 - p1) + m0 + m1
-    u = np.full((len(i), 1), 0.5)
-    for _ in range(6):  # Gauss-Newton on |p|², from the chord's own nearest point on
-        value, rate = p0 + u * (m0 + u * (b + u * a)), m0 + u * (2 * b + u * 3 * a)
-        down, steep = (value * rate).sum(-1, keepdims=True), (rate * rate).sum(-1, keepdims=True)
-        u = np.clip(u - down / np.maximum(steep, 1e-300), 0.0, 1.0)
-    value = p0 + u * (m0 + u * (b + u * a))
-    found[i] = np.hypot(value[:, 0], value[:, 1]) < near
-    return found
+@njit(cache=True, error_model="numpy")
+def _runs_through_zero(h: float, p: Array, dp: Array, i: int, k: int, near: float) -> bool:
+    """Whether p (n, 2), a cubic of length h between samples i and k, comes within `near` of zero there."""
+    if not p[i, 0] * p[k, 0] + p[i, 1] * p[k, 1] < 0.0:
+        return False
+    value, rate, u = np.empty(2), np.empty(2), 0.5
+    for step in range(7):  # Gauss-Newton on |p|², from the chord's own nearest point on
+        for c in range(2):
+            rise, begin, end = p[k, c] - p[i, c], h * dp[i, c], h * dp[k, c]
+            b, a = 3 * rise - 2 * begin - end, begin + end - 2 * rise
+            value[c] = p[i, c] + u * (begin + u * (b + u * a))
+            rate[c] = begin + u * (2 * b + u * 3 * a)
+        if step < 6:
+            down, steep = value[0] * rate[0] + value[1] * rate[1], rate[0] ** 2 + rate[1] ** 2
+            u = min(1.0, max(0.0, u - down / max(steep, 1e-300)))
+    return math.sqrt(value[0] ** 2 + value[1] ** 2) < near

@@ -19,11 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from drives.se2 import Array
 
-__all__ = ["Module", "SwedishWheel", "explained", "rolling_row", "solve_twist", "velocity_at", "wheel_rows"]
+__all__ = ["Module", "SwedishWheel", "fixed_motion", "rigid_motion", "rolling_row", "velocity_at"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,120 +56,109 @@ def rolling_row(x: Array | float, y: Array | float, heading: Array | float) -> A
     return np.stack(np.broadcast_arrays(c, s, x * s - y * c), axis=-1)
 
 
-def wheel_rows(x: Array, y: Array, heading: Array, trail: float = 0.0) -> Array:
-    """Of m wheels at `heading` (n, m), (n, 2m, 3): the rolling rows, then the sliding rows.
+def velocity_at(x: Array, y: Array, twists: Array) -> Array:
+    """Velocities (n, m, 2), body frame, of the m points (x, y) (m,) of bodies moving with twists (n, 3)."""
+    found = np.empty((len(twists), len(x), 2))
+    found[..., 0] = twists[:, :1] - twists[:, 2:] * y
+    found[..., 1] = twists[:, 1:2] + twists[:, 2:] * x
+    return found
 
-    A sliding row takes a twist to the velocity, m/s, of the contact to the left of `heading`. The contact
-    lies `trail` (m) behind (x, y); the wheel's own turning is left out.
+
+def rigid_motion(
+    x: Array, y: Array, radius: float, trail: float, rates: Array, steering: Array, steering_rates: Array
+) -> tuple[Array, Array]:
+    """Least-squares twists (n, 3) of wheels at (x, y) (m,) that roll at rates (n, m), and slip (n,).
+
+    The first k wheels are steered: steering and steering_rates (n, k); the others head along x. The contact
+    of a steered wheel trails its axis by `trail` (m). Slip is the largest residual, m/s, of the rolling and
+    sliding equations. Where all contacts are one point, the twist is the shortest, lengths in units of its
+    distance from the origin.
     """
-    return np.asarray(_wheel_rows(x, y, np.ascontiguousarray(heading), float(trail)))
+    columns = (np.ascontiguousarray(each.T, dtype=float) for each in (rates, steering, steering_rates))
+    twist, slip = _rigid_motion(x, y, radius, trail, *columns)
+    return twist.T, slip
+
+
+_ONE_POINT = 1e-14
+"""Σ|q - q̄|² ≤ this · Σ|q|² of contacts q: they count as one point."""
 
 
 @njit(cache=True, error_model="numpy")
-def _wheel_rows(x: Array, y: Array, heading: Array, trail: float) -> Array:
-    n, m = heading.shape
-    rows = np.empty((n, 2 * m, 3))
-    for i in range(n):
-        for j in range(m):
-            c, s = 1.0, 0.0
-            if heading[i, j] != 0.0:  # of wheels that never steer it is
-                c, s = math.cos(heading[i, j]), math.sin(heading[i, j])
-            rows[i, j, 0], rows[i, j, 1], rows[i, j, 2] = c, s, x[j] * s - y[j] * c
-            k = m + j
-            rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] = -s, c, x[j] * c + y[j] * s - trail
-    return rows
+def _rigid_motion(
+    x: Array, y: Array, radius: float, trail: float, rates: Array, steering: Array, swing: Array
+) -> tuple[Array, Array]:
+    """rigid_motion of columns: rates (m, n), steering and its rates (k, n); twists (3, n).
 
-
-def velocity_at(x: Array, y: Array, twists: Array) -> Array:
-    """Velocities (n, m, 2), body frame, of the m points (x, y) (m,) of bodies moving with twists (n, 3)."""
-    vx, vy, omega = twists[:, :1], twists[:, 1:2], twists[:, 2:]
-    return np.stack([vx - omega * y, vy + omega * x], axis=-1)
-
-
-def solve_twist(rows: Array, values: Array) -> tuple[Array, Array]:
-    """Least-squares twists (n, 3) of rows (n, e, 3) · twist = values (n, e), and slip (n,).
-
-    Slip is the largest residual. Where the rows leave a direction of motion open, the twist is the shortest.
+    The equations of a wheel, rolling and sliding, say the velocity u of its contact q in two directions at
+    right angles. So their least squares are those of a rigid motion v + ω × q = u, whose optimum is known:
+    ω = Σ (q - q̄) × (u - ū) / Σ |q - q̄|² and v = ū - ω × q̄.
     """
-    # A length of the robot's own size makes vx, vy and omega comparable, so the normal equations stay well
-    # conditioned.
-    length = float(np.sqrt(np.mean(rows[..., 2] ** 2))) or 1.0
-    twist, slip, left = _solve(rows, values, length)
-    if left.any():
-        twist[left], slip[left] = _solve_by_pinv(rows[left] / (1.0, 1.0, length), values[left])
-        twist[left] /= (1.0, 1.0, length)
+    m, n = rates.shape
+    k = len(steering)
+    twist, slip = np.empty((3, n)), np.empty(n)
+    c, s = np.ones(m), np.zeros(m)
+    rolled, slid, angle = np.empty(m), np.zeros(m), np.full(k, np.nan)
+    qx, qy, ux, uy = x.copy(), y.copy(), np.empty(m), np.empty(m)
+    for i in range(n):
+        px = py = vx = vy = 0.0
+        for j in range(m):
+            rolled[j] = radius * rates[j, i]
+            if j < k:
+                slid[j] = trail * swing[j, i]
+                if steering[j, i] != angle[j]:  # on lines and arcs it stays what it was
+                    angle[j] = steering[j, i]
+                    c[j], s[j] = math.cos(angle[j]), math.sin(angle[j])
+                    qx[j], qy[j] = x[j] - trail * c[j], y[j] - trail * s[j]
+            ux[j], uy[j] = rolled[j] * c[j] - slid[j] * s[j], rolled[j] * s[j] + slid[j] * c[j]
+            px, py, vx, vy = px + qx[j], py + qy[j], vx + ux[j], vy + uy[j]
+        px, py, vx, vy = px / m, py / m, vx / m, vy / m
+        cross = spread = size = 0.0
+        for j in range(m):
+            dx, dy = qx[j] - px, qy[j] - py
+            cross += dx * (uy[j] - vy) - dy * (ux[j] - vx)
+            spread += dx * dx + dy * dy
+            size += qx[j] * qx[j] + qy[j] * qy[j]
+        if spread > _ONE_POINT * size:
+            omega = cross / spread
+        else:
+            # The shortest: half the mean of |q|² is the unit of length, squared.
+            far = px * px + py * py
+            omega = (px * vy - py * vx) / (1.5 * far) if far > 0.0 else 0.0
+        vx, vy = vx + omega * py, vy - omega * px
+        worst = 0.0
+        for j in range(m):
+            wx, wy = vx - omega * qy[j], vy + omega * qx[j]
+            along, across = wx * c[j] + wy * s[j] - rolled[j], wy * c[j] - wx * s[j] - slid[j]
+            # The other way round, what is no number would be lost.
+            worst = worst if abs(along) <= worst else abs(along)
+            worst = worst if abs(across) <= worst else abs(across)
+        twist[0, i], twist[1, i], twist[2, i], slip[i] = vx, vy, omega, worst
     return twist, slip
 
 
-@njit(cache=True, error_model="numpy")
-def explained(rows: Array, pseudo: Array, rates: Array, travel: Array) -> tuple[Array, Array]:
+def fixed_motion(rows: Array, pseudo: Array, travel: Array, rates: Array) -> tuple[Array, Array]:
     """Least-squares twists (n, 3) of wheels at constant rows (e, 3), and slip (n,). rates (n, m) rad/s and
     travel (m,) m/rad: rows · twist = travel * rates, and 0 for rows beyond the m-th; pseudo (3, e): the rows'
     pseudo-inverse."""
-    n, m = rates.shape
-    twist, slip = np.empty((n, 3)), np.zeros(n)
-    values = np.zeros(len(rows))
-    for i in range(n):
-        vx = vy = omega = 0.0
-        for k in range(m):
-            v = values[k] = travel[k] * rates[i, k]
-            vx, vy, omega = vx + pseudo[0, k] * v, vy + pseudo[1, k] * v, omega + pseudo[2, k] * v
-        for k in range(len(rows)):
-            unmet = abs(rows[k, 0] * vx + rows[k, 1] * vy + rows[k, 2] * omega - values[k])
-            if unmet > slip[i] or math.isnan(unmet):
-                slip[i] = unmet
-        twist[i, 0], twist[i, 1], twist[i, 2] = vx, vy, omega
-    return twist, slip
-
-
-_SINGULAR = 1e-9
-"""det ≤ this · trace³ of the normal equations' matrix: a pseudo-inverse is taken. Else the rows' condition
-number is below 12,200, as det / trace³ ≤ 4/27 · (smallest / largest eigenvalue)."""
+    twist, slip = _fixed_motion(rows, pseudo, travel, np.ascontiguousarray(rates.T, dtype=float))
+    return twist.T, slip
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(rows: Array, values: Array, length: float) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Twists (n, 3), slip (n,), and which of them (n,) are left open: their rows are next to singular."""
-    n, e, _ = rows.shape
-    twist, slip, left = np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.bool_)
-    for i in range(n):
-        xx = xy = xz = yy = yz = zz = 0.0
-        for k in range(e):
-            x, y, z = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] / length
-            xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
-            yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
-        # The inverse by cofactors.
-        a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        d, f, g = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-        det = xx * a + xy * b + xz * c
-        if not det > _SINGULAR * (xx + yy + zz) ** 3:
-            left[i] = True
-            continue
-        vx = vy = omega = 0.0
-        # One step of refinement: the normal equations square the condition number, this undoes it.
-        for _ in range(2):
-            p = q = r = 0.0
-            for k in range(e):
-                x, y, z = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] / length
-                rest = values[i, k] - (x * vx + y * vy + z * omega)
-                p, q, r = p + x * rest, q + y * rest, r + z * rest
-            vx += (a * p + b * q + c * r) / det
-            vy += (b * p + d * q + f * r) / det
-            omega += (c * p + f * q + g * r) / det
-        for k in range(e):
-            x, y, z = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] / length
-            unmet = abs(x * vx + y * vy + z * omega - values[i, k])
-            if unmet > slip[i] or math.isnan(unmet):
-                slip[i] = unmet
-        twist[i, 0], twist[i, 1], twist[i, 2] = vx, vy, omega / length
-    return twist, slip, left
-
-
-def _solve_by_pinv(rows: Array, values: Array) -> tuple[Array, Array]:
-    """Twists (n, 3) and slip (n,) by the pseudo-inverse: of any rank, and slow."""
-    transposed = rows.transpose(0, 2, 1)
-    pseudo = np.linalg.pinv(transposed @ rows, rcond=1e-14, hermitian=True) @ transposed
-    twist = (pseudo @ values[..., None])[..., 0]
-    rest = values - (rows @ twist[..., None])[..., 0]
-    twist = twist + (pseudo @ rest[..., None])[..., 0]
-    return twist, np.abs((rows @ twist[..., None])[..., 0] - values).max(axis=1, initial=0.0)
+def _fixed_motion(rows: Array, pseudo: Array, travel: Array, rates: Array) -> tuple[Array, Array]:
+    """fixed_motion of columns: rates (m, n), twists (3, n). The innermost loops are vectorized."""
+    m, n = rates.shape
+    twist, slip = np.zeros((3, n)), np.zeros(n)
+    for a in range(3):
+        for k in range(m):
+            share = pseudo[a, k] * travel[k]
+            for i in range(n):
+                twist[a, i] += share * rates[k, i]
+    for k in range(len(rows)):
+        x, y, z = rows[k, 0], rows[k, 1], rows[k, 2]
+        for i in range(n):
+            said = travel[k] * rates[k, i] if k < m else 0.0
+            unmet = abs(x * twist[0, i] + y * twist[1, i] + z * twist[2, i] - said)
+            # The other way round, what is no number would be lost.
+            slip[i] = slip[i] if unmet <= slip[i] else unmet
+    return twist, slip

@@ -26,10 +26,12 @@ from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
 from planner.trajectory import Driven, Phases
 
-__all__ = ["MAX_SAMPLES", "Candidate", "candidates"]
+__all__ = ["MAX_SAMPLES", "MAX_WAY", "Candidate", "candidates"]
 
 MAX_SAMPLES = 200_000
 """A schedule longer than this many samples is refused as infeasible."""
+MAX_WAY = 1e5
+"""So is a motion on which the footprint moves farther, m: the certificate's check of it would take long."""
 
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (3, 4)
 """Ways to the goal: direct ones; those found by search, and how many where all turn back."""
@@ -324,7 +326,12 @@ def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
 
 def _timed(problem: Problem, path: Path) -> Phases:
     """The motion along a path with stops."""
-    period = problem.options.sample_period
+    period, reach = problem.options.sample_period, problem.robot.footprint.reach
+    way = sum(piece.length + reach * abs(piece.turn) for piece in path)
+    if way > MAX_WAY:
+        raise LimitsInfeasible(
+            f"the footprint would move {way:.6g} m, more than the {MAX_WAY:g} m of a plan that can be checked"
+        )
     timed = time_path(path, problem.robot.drive, problem.robot.limits, problem.steering)
     if timed.duration / period > MAX_SAMPLES:
         raise LimitsInfeasible(

@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 
 from drives.se2 import Array, Pose
-from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, winding
+from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, winding, within
 
 __all__ = [
     "CONTACT", "World", "beyond", "body_point", "clear", "clearances", "field_bounds", "fill_field",
@@ -50,6 +50,8 @@ FIELD = 24  # at each cell's centre the distance to the nearest boundary, or les
 END = 25
 TABLES = 26  # the first table's place
 
+_BLOCK, _NEAR = 4, 64  # cells of the field's blocks along a side; boundaries looked at for each of a block
+
 
 @kernel
 def solid(world: World, x: float, y: float, apart: float) -> bool:
@@ -69,26 +71,43 @@ def solid(world: World, x: float, y: float, apart: float) -> bool:
 
 @kernel
 def fill_field(world: World) -> None:
-    """Lower the field, which holds inf or what is known already, to the distances of the world's trees."""
+    """Lower the field, which holds inf or what is known already, to the distances of the world's trees.
+
+    Block by block: what is nearest to any cell of a block is within that of its middle and twice its reach.
+    """
     solids, fences, field = int(world[SOLIDS]), int(world[FENCES]), int(world[FIELD])
     rows, columns = int(world[ROWS]), int(world[COLUMNS])
     step = world[STEP]
-    for i in range(rows):
-        y = (i + 0.5) * step
-        last = abs(world[field + (i - 1) * columns]) if i > 0 else np.inf
-        x, turns = 0.5 * step, 0
-        for j in range(columns):
-            before, x = x, (j + 0.5) * step
-            k = field + i * columns + j
-            if j == 0:
-                turns = winding(world, solids, fences, x, y, np.inf)
-            elif not last > 1.0000001 * step:  # else no boundary lies between the last centre and this one
-                turns -= winding(world, solids, fences, before, y, x)
-            last = nearest(world, solids, field, x, y, min(world[k], last + 1.0000001 * step))
-            closed = turns > 0
-            for w in range(int(world[WALLS]), solids, 3):
-                closed |= not world[w] * x + world[w + 1] * y >= world[w + 2]
-            world[k] = -last if closed and last > 0.0 else last
+    reach = 0.7071068 * (_BLOCK - 1) * step
+    near, turns, before = np.empty(_NEAR, np.int64), np.zeros(_BLOCK, np.int64), np.zeros(_BLOCK)
+    for i0 in range(0, rows, _BLOCK):
+        last = np.inf
+        for j0 in range(0, columns, _BLOCK):
+            x, y = (j0 + 0.5 * _BLOCK) * step, (i0 + 0.5 * _BLOCK) * step
+            last = nearest(world, solids, field, x, y, last + 1.0000001 * _BLOCK * step)
+            count = within(world, solids, field, x, y, last + 2.0000001 * reach, near) if last < np.inf else 0
+            for i in range(i0, min(i0 + _BLOCK, rows)):
+                row, y = i - i0, (i + 0.5) * step
+                for j in range(j0, min(j0 + _BLOCK, columns)):
+                    k, x = field + i * columns + j, (j + 0.5) * step
+                    if j == 0:
+                        turns[row] = winding(world, solids, fences, x, y, np.inf)
+                        best = world[k]
+                    else:
+                        if not before[row] > 1.0000001 * step:  # a boundary may lie between the last and this
+                            turns[row] -= winding(world, solids, fences, (j - 0.5) * step, y, x)
+                        best = min(world[k], before[row] + 1.0000001 * step)
+                    if count > _NEAR:
+                        best = nearest(world, solids, field, x, y, best)
+                    for n in range(min(count, _NEAR)):
+                        p = near[n]
+                        fx, fy = foot(x, y, world[p], world[p + 1], world[p + 2], world[p + 3])
+                        best = min(best, math.sqrt((x - fx) ** 2 + (y - fy) ** 2) - world[p + 4])
+                    before[row] = best
+                    closed = turns[row] > 0
+                    for w in range(int(world[WALLS]), solids, 3):
+                        closed |= not world[w] * x + world[w + 1] * y >= world[w + 2]
+                    world[k] = -best if closed and best > 0.0 else best
 
 
 @kernel

@@ -12,6 +12,7 @@ import numpy as np
 
 from drives.drive import BodyPath
 from drives.se2 import Array, Pose, Twist, compose, exp
+from planner.tree import kernel
 
 __all__ = [
     "Curve",
@@ -57,13 +58,8 @@ class TwistPiece:
 
     def poses(self, s: Array) -> Array:
         """Poses (n, 3) in the world frame at s (n,)."""
-        vx, vy, omega = self.twist
-        half = omega * s / 2
-        chord = s * np.sinc(half / math.pi)
-        c, d = np.cos(self.start.theta + half), np.sin(self.start.theta + half)
-        x = self.start.x + chord * (c * vx - d * vy)
-        y = self.start.y + chord * (d * vx + c * vy)
-        return np.stack([x, y, self.start.theta + omega * s], -1)
+        made: Array = _twist_poses(*self.start, *self.twist, s)
+        return made
 
     def part(self, a: float, b: float) -> TwistPiece:
         """The piece between s = a and s = b."""
@@ -71,8 +67,9 @@ class TwistPiece:
         return TwistPiece(start, Twist(*((b - a) * v for v in self.twist)))
 
     def body_path(self, s: Array) -> BodyPath:
-        tangent = np.repeat(np.array([self.twist], dtype=np.float64), len(s), 0)
-        return BodyPath(s, self.start.theta + self.twist.omega * s, tangent, np.zeros_like(tangent))
+        tangent = np.empty((len(s), 3))
+        tangent[:] = self.twist
+        return BodyPath(s, self.start.theta + self.twist.omega * s, tangent, np.zeros((len(s), 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +105,35 @@ class LinePiece:
         return LinePiece(*(Pose(*pose) for pose in self.poses(np.array([a, b])).tolist()))
 
     def body_path(self, s: Array) -> BodyPath:
-        dx, dy, turn = self.end.x - self.start.x, self.end.y - self.start.y, self.turn
-        heading = self.start.theta + turn * s
-        c, d = np.cos(heading), np.sin(heading)
+        dx, dy = self.end.x - self.start.x, self.end.y - self.start.y
+        return BodyPath(s, *_line_path(self.start.theta, dx, dy, self.turn, s))
+
+
+@kernel
+def _twist_poses(x: float, y: float, theta: float, vx: float, vy: float, omega: float, s: Array) -> Array:
+    """Poses (n, 3) after holding a twist for s (n,)."""
+    found = np.empty((len(s), 3))
+    for i in range(len(s)):
+        half = omega * s[i] / 2
+        chord = s[i] * (math.sin(half) / half if half != 0.0 else 1.0)
+        c, d = math.cos(theta + half), math.sin(theta + half)
+        found[i, 0], found[i, 1] = x + chord * (c * vx - d * vy), y + chord * (d * vx + c * vy)
+        found[i, 2] = theta + omega * s[i]
+    return found
+
+
+@kernel
+def _line_path(theta: float, dx: float, dy: float, turn: float, s: Array) -> tuple[Array, Array, Array]:
+    """Headings (n,), tangents and their derivatives (n, 3) along a line in the world, the heading from theta
+    on gaining turn."""
+    heading, tangent, change = np.empty(len(s)), np.empty((len(s), 3)), np.empty((len(s), 3))
+    for i in range(len(s)):
+        heading[i] = theta + turn * s[i]
+        c, d = math.cos(heading[i]), math.sin(heading[i])
         vx, vy = c * dx + d * dy, c * dy - d * dx
-        tangent = np.stack([vx, vy, np.full_like(s, turn)], -1)
-        return BodyPath(s, heading, tangent, np.stack([turn * vy, -turn * vx, np.zeros_like(s)], -1))
+        tangent[i, 0], tangent[i, 1], tangent[i, 2] = vx, vy, turn
+        change[i, 0], change[i, 1], change[i, 2] = turn * vy, -turn * vx, 0.0
+    return heading, tangent, change
 
 
 Piece = TwistPiece | LinePiece

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from drives.drive import Drive, Limits
 from drives.se2 import Array, Pose
 
@@ -30,6 +32,11 @@ class Footprint:
 
     vertices: Array
     radius: float = 0.0
+
+    @property
+    def reach(self) -> float:
+        """Distance (m) of its farthest point from the body origin."""
+        return float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max()) + self.radius
 
 
 @dataclass(frozen=True, slots=True)

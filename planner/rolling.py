@@ -24,6 +24,8 @@ _NODES, _WHOLE = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
 _STAGES = len(_NODES) + 1
 """Points an interval: the sample that begins it, then its nodes."""
+_BLOCK = 1024
+"""Intervals rolled at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,73 +42,89 @@ class Rolled:
 
 def roll(problem: Problem, schedule: WheelSchedule) -> Rolled:
     """Roll the wheels forward from the start."""
-    time = schedule.time
-    _, rates = _cubic(time, schedule.wheel_angle, schedule.wheel_velocity)
-    steering, steering_rates = _cubic(time, schedule.steering_angle, schedule.steering_rate)
-    twist, slip = problem.robot.drive.forward(rates, steering, steering_rates)
-    path = _travel(*problem.start, time, twist)
-    pose = path[::_STAGES, :3].copy()
+    time, forward = schedule.time, problem.robot.drive.forward
+    n = len(time)
+    pose, twist, slip = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    path = np.empty((_STAGES * (n - 1) + 1, 4))
+    pose[0] = problem.start
+    # Block by block, so that what lies between stays in the processor's cache.
+    for first in range(0, max(n - 1, 1), _BLOCK):
+        part = slice(first, first + _BLOCK + 1)
+        rates = _cubic(time[part], schedule.wheel_angle[part], schedule.wheel_velocity[part])[1]
+        turned = _cubic(time[part], schedule.steering_angle[part], schedule.steering_rate[part])
+        moves, slips = forward(rates.T, *(each.T for each in turned))
+        _travel(first, time, np.ascontiguousarray(moves.T), slips, pose, twist, slip, path)
     length = float(moved(pose, 0.0)[-1])
-    return Rolled(pose, twist[::_STAGES].copy(), slip[::_STAGES].copy(), path, length)
+    pose.flags.writeable = twist.flags.writeable = False  # as those of a schedule: one kernel serves both
+    return Rolled(pose, twist, slip, path, length)
 
 
 @kernel
 def _cubic(time: Array, value: Array, slope: Array) -> tuple[Array, Array]:
-    """Hermite's cubic through samples (n, c), and its slope, at the samples and the nodes, (4n - 3, c)."""
+    """Hermite's cubic through samples (n, c), and its slope, (c, 4n - 3): at the samples, then at the first
+    node of every interval, then at the second, then at the third."""
     n, columns = value.shape
-    values, slopes = np.empty((_STAGES * (n - 1) + 1, columns)), np.empty((_STAGES * (n - 1) + 1, columns))
-    for i in range(n):
-        at = _STAGES * i
-        values[at], slopes[at] = value[i], slope[i]
-        if i == n - 1:
-            break
-        h = time[i + 1] - time[i]
-        for c in range(columns):
-            begin, end = slope[i, c], slope[i + 1, c]
-            rise = (value[i + 1, c] - value[i, c]) / h
+    size = n + len(_NODES) * (n - 1)
+    values, slopes = np.empty((columns, size)), np.empty((columns, size))
+    for c in range(columns):
+        for i in range(n):
+            values[c, i], slopes[c, i] = value[i, c], slope[i, c]
+        for i in range(n - 1):
+            h = time[i + 1] - time[i]
+            first, begin, end = values[c, i], slopes[c, i], slopes[c, i + 1]
+            rise = (values[c, i + 1] - first) / h
             square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
             for k in range(len(_NODES)):
-                u = _NODES[k]
-                values[at + 1 + k, c] = value[i, c] + h * u * (begin + u * (square + u * cube))
-                slopes[at + 1 + k, c] = begin + u * (2 * square + 3 * u * cube)
+                u, at = _NODES[k], n + k * (n - 1) + i
+                values[c, at] = first + h * u * (begin + u * (square + u * cube))
+                slopes[c, at] = begin + u * (2 * square + 3 * u * cube)
     return values, slopes
 
 
 @kernel
-def _travel(x: float, y: float, theta: float, time: Array, twist: Array) -> Array:
-    """Poses and times (4n - 3, 4) of a body from a pose on, its twists (4n - 3, 3) integrated."""
+def _travel(
+    first: int, time: Array, twists: Array, slips: Array, pose: Array, twist: Array, slip: Array, path: Array
+) -> None:
+    """Integrate a block of twists (3, 4k - 3) that begins at sample `first`, whose pose is known.
+
+    What is found goes into poses (n, 3), twists (n, 3) and slip (n,) at the samples, and into the path
+    (4n - 3, 4): poses and times at samples and nodes.
+    """
     nodes = len(_NODES)
-    path = np.empty((len(twist), 4))
+    n = (twists.shape[1] + nodes) // _STAGES
     gained = np.zeros(3)
     velocity = np.empty((nodes, 2))
-    for i in range(len(time)):
+    x, y, theta = pose[first, 0], pose[first, 1], pose[first, 2]
+    for k in range(n):
+        i = first + k
         at = _STAGES * i
-        path[at, 0], path[at, 1], path[at, 2] = x + gained[0], y + gained[1], theta + gained[2]
-        path[at, 3] = time[i]
-        if i == len(time) - 1:
+        pose[i, 0], pose[i, 1], pose[i, 2] = x + gained[0], y + gained[1], theta + gained[2]
+        twist[i, 0], twist[i, 1], twist[i, 2], slip[i] = twists[0, k], twists[1, k], twists[2, k], slips[k]
+        path[at, 0], path[at, 1], path[at, 2], path[at, 3] = pose[i, 0], pose[i, 1], pose[i, 2], time[i]
+        if k == n - 1:
             break
         h = time[i + 1] - time[i]
         turn = 0.0
-        for k in range(nodes):
-            heading = 0.0
-            for j in range(nodes):
-                heading += _PARTS[k, j] * twist[at + 1 + j, 2]
-            heading = path[at, 2] + h * heading
-            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[at + 1 + k, 0], twist[at + 1 + k, 1]
-            velocity[k, 0], velocity[k, 1] = c * vx - s * vy, s * vx + c * vy
-            path[at + 1 + k, 2], path[at + 1 + k, 3] = heading, time[i] + h * _NODES[k]
-            turn += _WHOLE[k] * twist[at + 1 + k, 2]
+        for a in range(nodes):
+            part = 0.0
+            for b in range(nodes):
+                part += _PARTS[a, b] * twists[2, n + b * (n - 1) + k]
+            node = n + a * (n - 1) + k
+            heading = pose[i, 2] + h * part
+            c, s, vx, vy = math.cos(heading), math.sin(heading), twists[0, node], twists[1, node]
+            velocity[a, 0], velocity[a, 1] = c * vx - s * vy, s * vx + c * vy
+            path[at + 1 + a, 2], path[at + 1 + a, 3] = heading, time[i] + h * _NODES[a]
+            turn += _WHOLE[a] * twists[2, node]
         gained[2] += h * turn
         for axis in range(2):
             way = 0.0
-            for k in range(nodes):
+            for a in range(nodes):
                 part = 0.0
-                for j in range(nodes):
-                    part += _PARTS[k, j] * velocity[j, axis]
-                path[at + 1 + k, axis] = path[at, axis] + h * part
-                way += _WHOLE[k] * velocity[k, axis]
+                for b in range(nodes):
+                    part += _PARTS[a, b] * velocity[b, axis]
+                path[at + 1 + a, axis] = path[at, axis] + h * part
+                way += _WHOLE[a] * velocity[a, axis]
             gained[axis] += h * way
-    return path
 
 
 @kernel

@@ -25,13 +25,13 @@ from planner.trajectory import Flowing, Phase, Phases
 
 __all__ = ["rounded", "rounded_phase"]
 
-_ROUNDS, _EXACT = 3, 1e-7
+_ROUNDS, _EXACT = 5, 1e-7
 """How often the end is corrected, and the miss (m, rad) that needs no more of it."""
 _TRIES, _FASTER = 3, 1e-4
 """How often it is slowed down, and by what share wheels may be too fast."""
 _APART = 1e-6
 """Share of the sample period that samples are apart at least."""
-_SMALL = 1e-4
+_SMALL = 1e-8
 """Share of the curvature's largest effect on the end below which it has none: along a straight way."""
 
 

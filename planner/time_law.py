@@ -23,23 +23,21 @@ from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
 from drives.se2 import Array, Pose
+from planner import rows, sampling
 from planner.errors import LimitsInfeasible
 from planner.path import Curve
 from planner.retime import excess
 from planner.trajectory import Driven, Phase, Phases, Profile, Steer
-from planner.tree import kernel
 
 __all__ = ["cruising_speed", "time_path"]
 
-_GRID_START, _GRID_SWINGING, _GRID_MAX = 48, 96, 3000
-"""Intervals to begin with, those where wheels trail, and points at most."""
+_GRID_SWINGING, _GRID_MAX = 96, 3000
+"""Intervals to begin with where wheels trail; points at most."""
+_GRID = (1 - np.cos(np.linspace(0.0, math.pi, 49))) / 2
+"""Points to begin with: closer together towards the ends, where s gains little in much time."""
 _TINY, _RELATIVE, _TRIES = 1e-8, 1e-4, 10
 """By how much ṡ² is kept below what TOPPRA finds controllable, the smaller of absolute and relative, and how
 often it is lowered by ten times that where rounding has made a step infeasible."""
-_BETWEEN = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-6])
-_STEERING_STEP, _WHEEL_STEP = 0.04, 0.03
-"""Largest change of a steering angle (rad), and of a wheel's w relative to the largest w, over one grid
-interval."""
 _SMOOTHING = (0.5, 0.7, 1.0, 1.5)
 """Tried in turn: how far apart the control points of a smoothed law are, in units of the time in which
 acceleration builds up."""
@@ -55,11 +53,11 @@ def time_path(path: Sequence[Curve], drive: Drive, limits: Limits, steering: Arr
     """
     phases: list[Phase] = []
     for piece in path:
-        grid, law = _grid(piece, drive, limits, steering)
+        sampled, law = _grid(piece, drive, limits, steering)
         needed = law.steering[0]
         if steering is not None and drive.steers_at_rest:
             _steer(phases, piece.start, steering, needed, limits)
-        phases.append(_driven(piece, grid, law, drive, limits))
+        phases.append(_driven(piece, sampled, law, drive, limits))
         steering = law.steering[-1]
     return Phases(drive, tuple(phases))
 
@@ -67,7 +65,7 @@ def time_path(path: Sequence[Curve], drive: Drive, limits: Limits, steering: Arr
 def cruising_speed(drive: Drive, limits: Limits, path: BodyPath) -> Array:
     """The largest ṡ (n,) that limits of rates alone allow along a path. Trailing wheels are taken to
     have swung round."""
-    _, _, x_max = _rows(path, drive.settled.actuators(path), limits)
+    _, _, x_max = rows.limit_rows(path, drive.settled.actuators(path), limits)
     speed: Array = np.sqrt(x_max)
     return speed
 
@@ -78,35 +76,34 @@ def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits:
         phases.append(Steer(pose, before, after, change / limits.steering_rate))
 
 
-def _grid(piece: Curve, drive: Drive, limits: Limits, steering: Array | None) -> tuple[Array, ActuatorPath]:
-    """Grid points over [0, 1], close enough to resolve the actuators, and their law there: its ends, where
-    w is constant and steering linear in s."""
-    grid = np.array([0.0, 1.0])
+def _grid(
+    piece: Curve, drive: Drive, limits: Limits, steering: Array | None
+) -> tuple[BodyPath, ActuatorPath]:
+    """The piece at points over [0, 1] close enough to resolve the actuators, and their law there: at its
+    ends, where w is constant and steering linear in s."""
+    path = piece.body_path(np.array([0.0, 1.0]))
     if drive.settled is not drive:  # Trailing wheels swing all along, whatever the tangent does.
-        grid = np.linspace(0.0, 1.0, _GRID_SWINGING + 1)
-    elif piece.body_path(grid).tangent_derivative.any():
-        # Closer together towards the ends, where s gains little in much time.
-        grid = (1 - np.cos(np.linspace(0.0, math.pi, _GRID_START + 1))) / 2
+        path = piece.body_path(np.linspace(0.0, 1.0, _GRID_SWINGING + 1))
+    elif path.tangent_derivative.any():
+        path = piece.body_path(_GRID)
     try:
         while True:
-            law = drive.actuators(piece.body_path(grid), steering, limits.steering_angle)
-            scale = np.abs(law.wheel).max() + 1e-300
-            if len(grid) == 2:
-                return grid, law
-            coarse = (np.abs(np.diff(law.steering, axis=0)) > _STEERING_STEP).any(1)
-            coarse |= (np.abs(np.diff(law.wheel, axis=0)) > _WHEEL_STEP * scale).any(1)
-            if not coarse.any() or len(grid) + coarse.sum() > _GRID_MAX:
-                return grid, law
-            grid = np.sort(np.concatenate([grid, (grid[:-1] + np.diff(grid) / 2)[coarse]]))
+            law = drive.actuators(path, steering, limits.steering_angle)
+            if len(path.s) == 2:
+                return path, law
+            grid = sampling.refined(path.s, law.steering, law.wheel)
+            if len(grid) == len(path.s) or len(grid) > _GRID_MAX:
+                return path, law
+            path = piece.body_path(grid)
     except InadmissibleTwist as error:
         raise LimitsInfeasible(f"the steering limits do not allow the path: {error}") from error
 
 
-def _driven(piece: Curve, grid: Array, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
+def _driven(piece: Curve, path: BodyPath, law: ActuatorPath, drive: Drive, limits: Limits) -> Driven:
     """The piece from rest to rest: as fast as may be where jerk is unlimited or w is constant."""
-    needed = law.steering[0]
-    a, b, x_max = _rows(piece.body_path(grid), law, limits)
-    constant = np.ptp(a, axis=0).max(initial=0.0) <= 1e-9 * np.abs(a).max() and not np.abs(b).max() > 1e-9
+    grid, needed = path.s, law.steering[0]
+    a, b, x_max = rows.limit_rows(path, law, limits)
+    constant = rows.is_constant(a, b)
     if constant:
         with np.errstate(divide="ignore"):
             jerk = float(np.min(limits.wheel_jerk / np.abs(law.wheel[0])))
@@ -140,65 +137,12 @@ def _halved(knots: Array) -> Array:
 
 def _slowed(profile: Profile, piece: Curve, drive: Drive, limits: Limits, steering: Array) -> Profile:
     """The profile, slowed as a whole by what it exceeds a limit between the points that it was made for."""
-    time = (profile.time[:-1, None] + np.diff(profile.time)[:, None] * _BETWEEN).ravel()
-    s, rate, acceleration = profile.at(time)
-    s = np.clip(s, 0.0, 1.0)
-    first = np.flatnonzero(np.diff(s, prepend=-1.0) > 0)
-    s = s[first]
+    s, x, acceleration = sampling.between(
+        profile.time, profile.position, profile.velocity, profile.acceleration
+    )
     path = piece.body_path(s)
-    a, b, x_max = _rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
-    x = rate[first] ** 2
-    over = np.abs(a * acceleration[first, None] + b * x[:, None]).max(1)
-    slower = math.sqrt(max(1.0, float(over.max()), float((x / x_max).max())))
-    return profile.slowed(slower)
-
-
-def _rows(path: BodyPath, law: ActuatorPath, limits: Limits) -> tuple[Array, Array, Array]:
-    """a, b (n, r) and x_max (n,): |a·s̈ + b·ṡ²| <= 1 and ṡ² <= x_max say all the limits but jerk."""
-    body = (
-        limits.linear_speed, limits.angular_speed, limits.linear_acceleration, limits.lateral_acceleration,
-        limits.steering_rate,
-    )  # fmt: skip
-    # Copies, so that one kernel serves them all.
-    a, b, x_max = _all_rows(*(np.array(each, dtype=np.float64, order="C") for each in (
-        path.tangent, path.tangent_derivative, law.wheel, law.wheel_derivative, law.steering_derivative,
-        limits.wheel_speed, limits.wheel_acceleration, body,
-    )))  # fmt: skip
-    return a, b, x_max
-
-
-@kernel
-def _all_rows(
-    along: Array,
-    change: Array,
-    wheel: Array,
-    wheel_change: Array,
-    steering_change: Array,
-    wheel_speed: Array,
-    wheel_acceleration: Array,
-    body: Array,
-) -> tuple[Array, Array, Array]:
-    speed, turn, acceleration, side, steering_rate = body
-    n, m = wheel.shape
-    a, b, x_max = np.empty((n, m + 1)), np.empty((n, m + 1)), np.empty(n)
-    for i in range(n):
-        vx, vy, omega = along[i, 0], along[i, 1], along[i, 2]
-        v = math.sqrt(vx * vx + vy * vy)
-        tangential = bend = 0.0
-        if v > 0.0:
-            tangential = (vx * change[i, 0] + vy * change[i, 1]) / v
-            bend = (vx * change[i, 1] - vy * change[i, 0]) / v
-        # Turn of the direction of travel in the world: of the body, and of the velocity in the body.
-        slowest = max(v / speed, abs(omega) / turn, math.sqrt(abs(omega * v + bend) / side))
-        for j in range(m):
-            a[i, j] = wheel[i, j] / wheel_acceleration[j]
-            b[i, j] = wheel_change[i, j] / wheel_acceleration[j]
-            slowest = max(slowest, abs(wheel[i, j]) / wheel_speed[j])
-        a[i, m], b[i, m] = v / acceleration, tangential / acceleration
-        for j in range(steering_change.shape[1]):
-            slowest = max(slowest, abs(steering_change[i, j]) / steering_rate)
-        x_max[i] = 1.0 / (slowest * slowest) if slowest > 0.0 else np.inf
-    return a, b, x_max
+    a, b, x_max = rows.limit_rows(path, drive.actuators(path, steering, limits.steering_angle), limits)
+    return profile.slowed(math.sqrt(rows.most_used(a, b, x_max, x, acceleration)))
 
 
 def _steady(a: float, x_max: float, jerk: float) -> Profile:
@@ -229,13 +173,10 @@ def _ruckig(speed: float, acceleration: float, jerk: float) -> Profile:
     if result != ruckig.Result.Working:
         raise LimitsInfeasible(f"no motion meets the limits: {result}")
     p = found.profiles[0][0]
-    time = np.concatenate([[0.0], np.cumsum(p.t)])
-    keep = np.flatnonzero(np.array(p.t) > 0)
-    a, j = np.array(p.a[:7]), np.array(p.j)
-    return Profile(
-        np.append(time[keep], time[-1]) * unit, np.array(p.p[:7])[keep], np.array(p.v[:7])[keep] / unit,
-        a[keep] / unit**2, j[keep] / unit**3,
-    )  # fmt: skip
+    segments = [each for each in zip(p.t, p.p, p.v, p.a, p.j, strict=False) if each[0] > 0]
+    duration, way, v, a, j = (np.array(column) for column in zip(*segments, strict=True))
+    time = np.concatenate([[0.0], np.cumsum(duration)])
+    return Profile(time * unit, way, v / unit, a / unit**2, j / unit**3)
 
 
 class _Samples(AbstractGeometricPath):  # type: ignore[misc]
@@ -276,10 +217,10 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     # In a unit of time near the answer: TOPPRA's tolerances are absolute.
     used = np.abs(a).max(0) > 1e-9
     unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
-    rows = _ActuatorConstraint(
+    limited = _ActuatorConstraint(
         a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6), scheme
     )
-    rate = np.sqrt(_controlled(rows, grid))
+    rate = np.sqrt(_controlled(limited, grid))
     if not np.isfinite(rate).all():
         return None
     rate /= unit
@@ -292,24 +233,36 @@ def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: Discretizatio
     return Profile(time, grid[:-1], rate[:-1], acceleration, np.zeros_like(h))
 
 
-def _controlled(rows: _ActuatorConstraint, grid: Array) -> Array:
+def _controlled(limited: _ActuatorConstraint, grid: Array) -> Array:
     """The largest ṡ² (n,) from rest to rest, nan if there is none: TOPPRA's two passes (Pham and Pham, 2018,
-    algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable."""
-    solver = seidelWrapper([rows], _Samples(), grid)
+    algorithm 1) over its solver. From rest, rest can be kept: no ṡ² is too low to be controllable.
+
+    No program is solved whose answer is plain: where ṡ² can be at its own bound from one point to the next,
+    or once it is as large as is controllable and can stay so."""
+    solver = seidelWrapper([limited], _Samples(), grid)
     solver.setup_solver()
     solve, last = solver.solve_stagewise_optim, len(grid) - 1
     x = np.full(len(grid), np.nan)
-    most = [0.0] * len(grid)
+    step = 2 * np.diff(grid)
+    top, double = limited.x_max.tolist(), step.tolist()
+    holding, holds = rows.holding(limited.a, limited.b, limited.x_max, step)
+    change, free = holding.tolist(), holds.tolist()
+    most = [*top[:-1], 0.0]
     upwards = np.array([1e-9, -1.0])
     for i in range(last - 1, -1, -1):
-        most[i] = float(solve(i, None, upwards, math.nan, math.nan, 0.0, most[i + 1])[1])
-        if math.isnan(most[i]):
+        if free[i] and most[i + 1] == top[i + 1]:
+            continue
+        u, found = solve(i, None, upwards, math.nan, math.nan, 0.0, most[i + 1])
+        most[i] = max(float(found), 0.0)
+        if math.isnan(found):
             return x
-        most[i] = max(most[i], 0.0)
-    ahead = np.column_stack([-2 * np.diff(grid), np.full(last, -1.0)])
-    double = (2 * np.diff(grid)).tolist()
+        change[i], free[i] = float(u), abs(found + double[i] * u - most[i + 1]) < 0.1 * _TINY
+    ahead = np.column_stack([-step, np.full(last, -1.0)])
     x[0] = at = 0.0
     for i in range(last):
+        if free[i] and most[i] - at <= 2 * _TINY:
+            x[i + 1] = at = min(most[i + 1], max(0.0, at + double[i] * change[i]))
+            continue
         for _ in range(_TRIES):
             u = float(solve(i, None, ahead[i], at, at, 0.0, most[i + 1])[0])
             if not math.isnan(u):

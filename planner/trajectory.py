@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from drives.drive import ActuatorPath, BodyPath, Drive
 from drives.se2 import Array, Pose
+from planner import sampling
 from planner.path import Curve
 from planner.schedule import WheelSchedule
-from planner.tree import kernel
 
 __all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer", "Warped"]
 
@@ -118,11 +118,9 @@ class Profile:
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """s, ṡ and s̈ at times t (n,)."""
-        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.position) - 1)
-        u = t - self.time[i]
-        p, v, a, j = self.position[i], self.velocity[i], self.acceleration[i], self.jerk[i]
-        s = p + u * (v + u * (a / 2 + u * j / 6))
-        return s, v + u * (a + u * j / 2), a + u * j
+        columns = (self.time, self.position, self.velocity, self.acceleration, self.jerk, t)
+        found: tuple[Array, Array, Array] = sampling.polynomials(*map(np.ascontiguousarray, columns))
+        return found
 
     def slowed(self, by: float) -> Profile:
         """The same way in `by` times the time."""
@@ -152,45 +150,31 @@ class Driven:
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
         s, rate, acceleration = self.profile.at(time)
         s = np.clip(s, 0.0, 1.0)
-        w, dw, steering, swing, tangent, turned, end = self._along(s, drive)
-        v, a = rate[:, None], acceleration[:, None]
-        out.wheel_angle[rows] = angle + turned
-        out.wheel_velocity[rows] = w * v
-        out.wheel_acceleration[rows] = w * a + dw * v**2
-        out.steering_angle[rows] = steering
-        out.steering_rate[rows] = swing * v
-        out.pose[rows] = self.piece.poses(s)
-        out.twist[rows] = tangent * v
-        return angle + end
-
-    def _along(self, s: Array, drive: Drive) -> tuple[Array, ...]:
-        """w, w′, δ, δ′ and the body's tangent at s (n,), rows of them all or the one for all of them; and the
-        wheels' angles since the piece began, at s and at its end."""
+        here = np.zeros(len(s), dtype=np.intp)
+        share = s
         if len(self.grid) == 2:
-            ends = self.piece.body_path(self.grid)
-            law = self.law or drive.actuators(ends, self.steering)
-            w, first, change = law.wheel[:1], law.steering[:1], np.diff(law.steering, axis=0)
-            share = s[:, None]
-            return w, np.zeros_like(w), first + share * change, change, ends.tangent[:1], share * w, w[0]
-        fine, here = _union(self.grid, s)
-        path = self.piece.body_path(fine)
-        law = drive.actuators(path, self.steering)
-        turned = _integral(fine, np.array(law.wheel, order="C"), np.array(law.wheel_derivative, order="C"))
-        each = (law.wheel, law.wheel_derivative, law.steering, law.steering_derivative, path.tangent, turned)
-        return *(np.take(column, here, 0) for column in each), turned[-1]
-
-
-@kernel
-def _integral(s: Array, w: Array, dw: Array) -> Array:
-    """Integrals (n, m) of w (n, m) from the first of s (n,), by Euler–Maclaurin: the trapezoid rule and its
-    end correction, fourth order in the steps."""
-    turned = np.zeros(w.shape)
-    for i in range(len(s) - 1):
-        h = s[i + 1] - s[i]
-        for j in range(w.shape[1]):
-            gained = h / 2 * (w[i, j] + w[i + 1, j]) + h * h / 12 * (dw[i, j] - dw[i + 1, j])
-            turned[i + 1, j] = turned[i, j] + gained
-    return turned
+            path = self.piece.body_path(self.grid)
+            law = self.law or drive.actuators(path, self.steering)
+            # One row for all: w is constant, steering linear in s.
+            swing = np.diff(law.steering, axis=0)
+        else:
+            fine, here = sampling.union(self.grid, s)
+            path = self.piece.body_path(fine)
+            law = drive.actuators(path, self.steering)
+            swing, share = law.steering_derivative, np.zeros_like(s)
+        w, dw, steering, tangent = (
+            np.array(each, order="C")  # copies, so that one kernel serves them all
+            for each in (law.wheel, law.wheel_derivative, law.steering, path.tangent)
+        )
+        turned = sampling.integral(path.s, w, dw)
+        sampling.fill(
+            rows.start, here, share, rate, acceleration, w, dw, steering, swing, tangent, angle + turned,
+            out.wheel_angle, out.wheel_velocity, out.wheel_acceleration, out.steering_angle,
+            out.steering_rate, out.twist,
+        )  # fmt: skip
+        out.pose[rows] = self.piece.poses(s)
+        end: Array = angle + turned[-1]
+        return end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,18 +196,6 @@ class Warped:
         for scaled in (out.wheel_velocity, out.steering_rate, out.twist):
             scaled[rows] *= r
         return end
-
-
-def _union(grid: Array, at: Array) -> tuple[Array, NDArray[np.intp]]:
-    """The points of a grid and of `at` in order, those alike but for rounding as one; and where `at` are
-    in it."""
-    every = np.concatenate([grid, at])
-    order = np.argsort(every, kind="stable")
-    apart = np.diff(every[order]) > 1e-12 * (grid[-1] - grid[0])
-    group = np.concatenate([[0], np.cumsum(apart)])
-    place = np.empty(len(every), dtype=np.intp)
-    place[order] = group
-    return every[order][np.concatenate([[True], apart])], place[len(grid) :]
 
 
 _GAUSS_AT = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
@@ -252,7 +224,7 @@ class Flowing:
         return float(self.time[-1])
 
     def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
-        knots, here = _union(self.time, time)
+        knots, here = sampling.union(self.time, time)
         # Every interval is halved, for Simpson's rule: within it all rates are smooth.
         fine = np.empty(2 * len(knots) - 1)
         fine[::2], fine[1::2] = knots, (knots[:-1] + knots[1:]) / 2
@@ -289,7 +261,7 @@ class Flowing:
 
     def poses(self, time: Array) -> Array:
         """Poses (n, 3) at increasing times (n,)."""
-        knots, here = _union(self.time, time)
+        knots, here = sampling.union(self.time, time)
         every: Array = self._poses(knots, self.start.theta + self._turned(knots))[here]
         return every
 

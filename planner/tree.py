@@ -33,6 +33,7 @@ __all__ = [
     "places",
     "plant",
     "winding",
+    "within",
 ]
 
 HEAD = 6
@@ -217,6 +218,32 @@ def nearest(tree: Array, start: int, stop: int, x: float, y: float, best: float)
             best = min(best, math.sqrt((x - fx) ** 2 + (y - fy) ** 2) - tree[i + 4])
             i += SIZE
     return best
+
+
+@kernel
+def within(
+    tree: Array, start: int, stop: int, x: float, y: float, distance: float, found: NDArray[np.int64]
+) -> int:
+    """How many segments, less their radius, come within a distance (m) of a point, and into found (n,) their
+    places in the tree; n + 1 where there is no room for them all."""
+    i, n = start, 0
+    while i < stop:
+        dx = max(tree[i] - x, 0.0, x - tree[i + 2])
+        dy = max(tree[i + 1] - y, 0.0, y - tree[i + 3])
+        if dx * dx + dy * dy > max(distance, 0.0) ** 2:
+            i += int(tree[i + 4])
+            continue
+        count = int(tree[i + 5])
+        i += HEAD
+        for _ in range(count):
+            fx, fy = foot(x, y, tree[i], tree[i + 1], tree[i + 2], tree[i + 3])
+            if math.sqrt((x - fx) ** 2 + (y - fy) ** 2) - tree[i + 4] <= distance:
+                if n == len(found):
+                    return n + 1
+                found[n] = i
+                n += 1
+            i += SIZE
+    return n
 
 
 @kernel

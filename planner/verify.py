@@ -9,19 +9,20 @@ sentences. A limit holds at the samples and for the mean over each interval, whi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from drives.drive import Holonomic
-from drives.se2 import Array, wrap
+from drives.se2 import Array, Pose, wrap
+from planner import gauges
 from planner.errors import AuditFailed
-from planner.gauges import integrals, lengths, mean_rates, outer, worst
 from planner.problem import Problem
 from planner.rolling import Rolled, moved, points, roll
 from planner.schedule import WheelSchedule
+from planner.tree import kernel
 
 __all__ = ["Certificate", "Surroundings", "verify"]
 
@@ -31,9 +32,9 @@ _POSITION, _POSITION_PER_METRE, _HEADING = 5e-4, 5e-5, 1e-3
 _COPIED, _SAME = 5e-7, 1e-9
 # The largest rate that counts as rest, as a share of its limit; how much of the clearance may be missing, m.
 _REST, _CLEARANCE = 5e-7, 1e-4
-# Motion of the footprint between two looks at its clearance, m: everywhere, where it comes close, and in all;
-# and to what share of the clearance that was not asked for it is found.
-_COARSE, _FINE, _LONGEST, _MARGIN = 0.64, 0.005, 8e3, 0.01
+# Motion of the footprint between two looks at its clearance, m: everywhere, where it comes close, and in all
+# (a tenth more than the planner allows); and to what share of the clearance not asked for it is found.
+_COARSE, _FINE, _LONGEST, _MARGIN = 0.64, 0.005, 1.1e5, 0.01
 # Largest number in a certificate: JSON has no infinity.
 _SATURATED = 1e6
 
@@ -102,17 +103,29 @@ class Surroundings(Protocol):
 
 
 class Reading(NamedTuple):
-    """value (r, c) >= 0, not to exceed bound, which broadcasts to it, by more than the quantity's slack.
-
-    quantity is a key of the table above. Where it is also a field of the certificate, that field is the
-    largest value / bound if it is a ratio, else the largest value. Column j is of columns[j] (none: of the
-    robot); row i was taken at time[i] (None: at sample i, or over the interval that begins there)."""
+    """The largest share of a bound, used: value / bound, which may not exceed 1 by more than the quantity's
+    slack. quantity is a key of the table above; where it is also a field of the certificate, that field is
+    `used` if it is a ratio, else the value. at: the sample, or that which begins the interval; owner: which
+    wheel or coordinate, "" for the robot."""
 
     quantity: str
-    value: Array
-    bound: Array | float
-    columns: tuple[str, ...] = ()
-    time: Array | None = None
+    used: float
+    value: float
+    bound: float
+    at: int = -1
+    owner: str = ""
+
+
+def _reading(quantity: str, value: float, bound: float, at: int = -1, owner: str = "") -> Reading:
+    used = value / bound
+    return Reading(quantity, math.inf if math.isnan(used) else used, value, bound, at, owner)
+
+
+def _readings(quantities: Sequence[str], table: Array, columns: Sequence[str] = ()) -> Iterator[Reading]:
+    """Of a gauge's table; column j is of columns[j] (none: of the robot)."""
+    for quantity, (used, i, j, value, bound) in zip(quantities, table.tolist(), strict=True):
+        if used >= 0:
+            yield Reading(quantity, used, value, bound, int(i), columns[int(j)] if columns else "")
 
 
 def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Certificate:
@@ -130,7 +143,7 @@ def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Ce
         rolled = roll(problem, schedule)
         found["clearance"], violations = _clearance(problem, schedule, rolled, world)
         checks = (_closure, _wheels, _steering, _ends, _agreement, _body, _route)
-        for reading in (r for check in checks for r in check(problem, schedule, rolled) if r.value.size):
+        for reading in (r for check in checks for r in check(problem, schedule, rolled)):
             most, faults = _judge(reading, schedule.time)
             violations += faults
             if reading.quantity in found:
@@ -143,17 +156,13 @@ def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Ce
 def _judge(reading: Reading, time: Array) -> tuple[float, list[str]]:
     """What to certify, and a sentence where the bound is passed."""
     what, unit, slack = _QUANTITIES[reading.quantity]
-    bound = np.broadcast_to(reading.bound, reading.value.shape)
-    used, i, j, top = worst(np.ascontiguousarray(reading.value), bound)
-    found = min(used if reading.quantity.endswith("_ratio") else top, _SATURATED)
-    limit = bound[i, j]
+    _, used, value, bound, at, owner = reading
+    found = used if reading.quantity.endswith("_ratio") else value
+    found = found if found < _SATURATED else _SATURATED  # what is no number, too
     if used <= 1 + slack:
         return found, []
-    owner = f" of {reading.columns[j]}" if reading.columns else ""
-    at = (time if reading.time is None else reading.time)[i]
-    return found, [
-        f"{what}{owner} is {reading.value[i, j]:.6g} {unit} at t = {at:.4f} s, allowed {limit:.6g} {unit}"
-    ]
+    of = f" of {owner}" if owner else ""
+    return found, [f"{what}{of} is {value:.6g} {unit} at t = {time[at]:.4f} s, allowed {bound:.6g} {unit}"]
 
 
 def _unreadable(problem: Problem, schedule: WheelSchedule) -> list[str]:
@@ -185,128 +194,108 @@ def _tolerance(rolled: Rolled) -> float:
 
 
 def _closure(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
-    goal, (x, y, theta), last = problem.goal, rolled.pose[-1], schedule.time[-1:]
+    goal, (x, y, theta) = problem.goal, rolled.pose[-1].tolist()
     # A single sample claims that the start is the goal; there is nothing to roll.
     near, aligned = (_tolerance(rolled), _HEADING) if len(schedule.time) > 1 else (_SAME, _SAME)
-    yield Reading("closure_position", np.hypot(x - goal.x, y - goal.y).reshape(1, 1), near, time=last)
+    apart = math.sqrt((x - goal.x) ** 2 + (y - goal.y) ** 2)
+    yield _reading("closure_position", apart, near)
     if goal.theta is not None:
-        turn = np.array([[abs(wrap(float(theta) - goal.theta))]])
-        yield Reading("closure_heading", turn, aligned, time=last)
+        yield _reading("closure_heading", abs(wrap(theta - goal.theta)), aligned)
 
 
-def _intervals(problem: Problem, schedule: WheelSchedule) -> tuple[Array, Array]:
-    """Lengths (n - 1,) s of the intervals, and the times to take means over: at least a thousandth of the
-    period, because a last step may be so short that its mean is rounding."""
-    h = np.diff(schedule.time)
-    return h, np.maximum(h, 1e-3 * problem.options.sample_period)
+def _shortest(problem: Problem) -> float:
+    """The least time (s) to take a mean over: a last step may be so short that its mean is rounding."""
+    return 1e-3 * problem.options.sample_period
 
 
 def _wheels(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
-    limits, names = problem.robot.limits, problem.robot.drive.wheel_names
-    h, over = _intervals(problem, schedule)
-    angle, speed, change = schedule.wheel_angle, schedule.wheel_velocity, schedule.wheel_acceleration
-    for quantity, rate, limit in (
-        ("wheel_speed_ratio", np.abs(speed), limits.wheel_speed),
-        ("wheel_speed_ratio", mean_rates(angle, over), limits.wheel_speed),
-        ("wheel_acceleration_ratio", np.abs(change), limits.wheel_acceleration),
-        ("wheel_acceleration_ratio", mean_rates(speed, over), limits.wheel_acceleration),
-        ("wheel_jerk_ratio", mean_rates(change, over), limits.wheel_jerk),
-    ):
-        yield Reading(quantity, rate, limit, names)
-    # The trapezoid rule is off by a·h²/4 at most: where the rate rises, then falls, as fast as it may.
-    for quantity, whole, rate, limit in (
-        ("wheel angle", angle, speed, 1.01 * limits.wheel_acceleration),
-        ("wheel velocity", speed, change, 1.02 * limits.wheel_jerk),
-    ):
-        gap = np.abs(np.diff(whole, axis=0) - integrals(rate, h))
-        yield Reading(quantity, gap, outer(h**2 / 4, limit, _COPIED), names)
+    limits, quantities = problem.robot.limits, (
+        "wheel_speed_ratio", "wheel_speed_ratio", "wheel_acceleration_ratio", "wheel_acceleration_ratio",
+        "wheel_jerk_ratio", "wheel angle", "wheel velocity",
+    )  # fmt: skip
+    table = gauges.wheels(
+        schedule.time, _shortest(problem), schedule.wheel_angle, schedule.wheel_velocity,
+        schedule.wheel_acceleration, limits.wheel_speed, limits.wheel_acceleration, limits.wheel_jerk,
+        _COPIED,
+    )  # fmt: skip
+    return _readings(quantities, table, problem.robot.drive.wheel_names)
 
 
 def _steering(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
-    limits, names = problem.robot.limits, problem.robot.drive.steered_names
-    h, over = _intervals(problem, schedule)
-    angle, rate, limit = schedule.steering_angle, schedule.steering_rate, limits.steering_rate
-    trapezoid = integrals(rate, h)
-    yield Reading("steering_angle_ratio", np.abs(angle), limits.steering_angle, names)
-    yield Reading("steering_rate_ratio", np.abs(rate), limit, names)
-    yield Reading("steering_rate_ratio", mean_rates(angle, over), limit, names)
-    # A steering rate may jump, so between samples nothing is sure but that it stays within its limit.
-    most = outer(h, np.full(len(names), 1.01 * limit), 0.0)
-    room = np.maximum(most - np.abs(trapezoid), 0.0) + _COPIED
-    yield Reading("steering angle", np.abs(np.diff(angle, axis=0) - trapezoid), room, names)
+    limits = problem.robot.limits
+    quantities = "steering_angle_ratio", "steering_rate_ratio", "steering_rate_ratio", "steering angle"
+    table = gauges.steering(
+        schedule.time, _shortest(problem), schedule.steering_angle, schedule.steering_rate,
+        limits.steering_angle, limits.steering_rate, _COPIED,
+    )  # fmt: skip
+    return _readings(quantities, table, problem.robot.drive.steered_names)
 
 
 def _ends(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
-    drive, limits, ends = problem.robot.drive, problem.robot.limits, [0, -1]
+    drive, limits = problem.robot.drive, problem.robot.limits
+    steered = np.full(len(drive.steered_names), limits.steering_rate)
     for quantity, rate, limit, names in (
         ("wheels at rest", schedule.wheel_velocity, limits.wheel_speed, drive.wheel_names),
-        ("steering at rest", schedule.steering_rate, limits.steering_rate, drive.steered_names),
+        ("steering at rest", schedule.steering_rate, steered, drive.steered_names),
     ):
-        yield Reading(quantity, np.abs(rate[ends]), _REST * limit + _SAME, names, schedule.time[ends])
-    yield Reading("start", np.abs(schedule.pose[:1] - problem.start), _COPIED, ("x", "y", "theta"))
+        yield from _readings((quantity,), gauges.ends(rate, _REST * limit + _SAME), names)
+    for owner, stated, asked in zip(Pose._fields, schedule.pose[0].tolist(), problem.start, strict=True):
+        yield _reading("start", abs(stated - asked), _COPIED, 0, owner)
     if problem.steering is not None:
-        turned = np.abs(schedule.steering_angle[:1] - problem.steering)
-        yield Reading("present steering", turned, _COPIED, drive.steered_names)
+        turned = schedule.steering_angle[:1] - problem.steering
+        bound = np.full(len(steered), _COPIED)
+        yield from _readings(("present steering",), gauges.ends(turned, bound), drive.steered_names)
 
 
 def _agreement(_: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
-    linear = max(float(lengths(rolled.twist).max()), 0.05)
-    fastest = max(linear, float(np.abs(rolled.twist[:, 2]).max()))
-    yield Reading("slip", rolled.slip[:, None], 5e-4 * linear + 5e-5)
-    gap = np.abs(rolled.twist - schedule.twist)
-    yield Reading("twist", gap, 2.5e-3 * fastest + 5e-4, ("vx", "vy", "omega"))
-    apart = np.abs(rolled.pose - schedule.pose)
-    yield Reading("drift_position", lengths(apart), _tolerance(rolled))
-    yield Reading("drift_heading", apart[:, 2:], _HEADING)
+    slip, twist, *drift = gauges.agreement(
+        rolled.twist, rolled.slip, rolled.pose, schedule.twist, schedule.pose, _tolerance(rolled), _HEADING
+    )
+    yield from _readings(("slip",), slip[None])
+    yield from _readings(("twist",), twist[None], ("vx", "vy", "omega"))
+    yield from _readings(("drift_position", "drift_heading"), np.array(drift))
 
 
 def _body(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     """The limits of the body, on the motion that the wheels make and on the stated one."""
-    limits, over = problem.robot.limits, _intervals(problem, schedule)[1]
+    limits = problem.robot.limits
     holonomic = isinstance(problem.robot.drive.mobility(limits), Holonomic)
-    for twist, pose in ((rolled.twist, rolled.pose), (schedule.twist, schedule.pose)):
-        speed, omega = lengths(twist), twist[:, 2:]
-        yield Reading("linear_speed_ratio", speed, limits.linear_speed)
-        yield Reading("angular_speed_ratio", np.abs(omega), limits.angular_speed)
-        yield Reading("linear_acceleration_ratio", mean_rates(speed, over), limits.linear_acceleration)
-        if limits.lateral_acceleration < math.inf:
-            lateral = _lateral(twist, pose[:, 2], over)[:, None] if holonomic else speed * omega
-            yield Reading("lateral_acceleration_ratio", np.abs(lateral), limits.lateral_acceleration)
-
-
-def _lateral(twist: Array, heading: Array, h: Array) -> Array:
-    """Mean of speed × turn rate of the direction of travel over each interval h (n - 1,): (n - 1,) m/s²."""
-    velocity = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * heading)
-    speed, cross = np.abs(velocity), (velocity[:-1].conj() * velocity[1:]).imag
-    both = speed[:-1] + speed[1:]
-    # A robot this slow may have stopped within the interval, and at rest the direction may jump.
-    moving = both > 2 * np.abs(np.diff(speed)).max(initial=0.0)
-    return np.where(moving, 2 * cross / (both * h), 0.0)
+    quantities = (
+        "linear_speed_ratio", "angular_speed_ratio", "linear_acceleration_ratio", "lateral_acceleration_ratio"
+    )  # fmt: skip
+    for motion in (rolled, schedule):
+        table = gauges.body(
+            schedule.time, _shortest(problem), motion.twist, motion.pose, limits.linear_speed,
+            limits.angular_speed, limits.linear_acceleration, limits.lateral_acceleration, holonomic,
+        )  # fmt: skip
+        yield from _readings(quantities, table)
 
 
 def _route(problem: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[Reading]:
     options, mobility = problem.options, problem.robot.drive.mobility(problem.robot.limits)
-    for twist in (rolled.twist, schedule.twist):
-        vx, omega = twist[:, :1], twist[:, 2:]
-        if not options.reverse:
-            yield Reading("backwards", np.maximum(-vx, 0.0), 5e-4)
-        if options.turning_radius > 0 and not isinstance(mobility, Holonomic):
-            yield Reading("turning", np.abs(omega) * options.turning_radius, np.abs(vx) * 1.005 + 1e-3)
+    radius = 0.0 if isinstance(mobility, Holonomic) else options.turning_radius
+    for motion in (rolled, schedule):
+        table = gauges.route(motion.twist, not options.reverse, radius)
+        yield from _readings(("backwards", "turning"), table)
 
 
 def _clearance(
     problem: Problem, schedule: WheelSchedule, rolled: Rolled, world: Surroundings
 ) -> tuple[float, list[str]]:
     """The smallest clearance (m) of the motion, and a sentence where it is too small."""
-    footprint, fixed = problem.robot.footprint, problem.robot.drive.fixed_body_heading
-    reach = float(np.hypot(*footprint.vertices.T).max()) + footprint.radius
+    fixed, reach = problem.robot.drive.fixed_body_heading, problem.robot.footprint.reach
     asked = problem.options.min_clearance
     # What the robot does, and what the client is told: they may differ by the drift that is allowed.
     paths = [rolled.path, np.column_stack([schedule.pose, schedule.time])]
     if fixed is not None:
-        paths = [np.insert(np.delete(path, 2, axis=1), 2, fixed, axis=1) for path in paths]
-    nearest, (x, y, theta, when) = _nearest(world, paths[0], reach, asked, math.inf)
-    also, where = _nearest(world, paths[1], reach, asked, nearest)
+        paths = [np.column_stack([path[:, :2], np.full(len(path), fixed), path[:, 3]]) for path in paths]
+    ways = [moved(path, reach) for path in paths]
+    for way in ways:
+        if not way[-1] <= _LONGEST:
+            sentence = f"the footprint moves {way[-1]:.6g} m, of which {_LONGEST:.6g} m can be checked"
+            return -_SATURATED, [sentence]
+    nearest, (x, y, theta, when) = _nearest(world, paths[0], ways[0], asked, math.inf)
+    also, where = _nearest(world, paths[1], ways[1], asked, nearest)
     if also < nearest:
         nearest, (x, y, theta, when) = also, where
     if nearest >= asked - _CLEARANCE:
@@ -315,49 +304,76 @@ def _clearance(
     return nearest, [f"the clearance is {nearest:.6g} m {place}, allowed at least {asked:.6g} m"]
 
 
-def _nearest(
-    world: Surroundings, path: Array, reach: float, asked: float, known: float
-) -> tuple[float, Array]:
+def _nearest(world: Surroundings, path: Array, way: Array, asked: float, known: float) -> tuple[float, Array]:
     """The smallest clearance (m, within ±1e6) along a polyline (n, 4) of poses and times, and the point (4,)
-    where it is. reach m: of the footprint; known m: a clearance elsewhere, what is larger than which does not
-    matter. What cannot be checked has a clearance of -1e6."""
-    way = moved(path, reach)
-    if not way[-1] <= _LONGEST:
-        return -_SATURATED, path[-1]
+    where it is. way (n,) m: how far the footprint has moved; known m: a clearance elsewhere, what is larger
+    than which does not matter."""
 
-    def look(at: Array) -> Array:
-        near = world.clearance(points(path, way, at)[:, :3])
-        return np.minimum(np.fmax(near, -_SATURATED), _SATURATED)  # no number: the lowest
+    def look(at: Array) -> tuple[Array, tuple[float, float]]:
+        near = np.ascontiguousarray(world.clearance(points(path, way, at)[:, :3]))
+        return near, _least(near, at, _SATURATED)
 
     at = np.linspace(0.0, way[-1], 1 + math.ceil(way[-1] / _COARSE))
-    near = look(at)
-    nearest, where = _least(near, at)
+    near, (nearest, where) = look(at)
     # Clearance changes by no more than the footprint moves, so most stretches cannot hold the smallest.
-    stretches = np.stack([at[:-1], at[1:], near[:-1], near[1:]])
+    stretches = np.column_stack([at[:-1], at[1:], near[:-1], near[1:]])
     while True:
         least = min(nearest, known)
-        enough = least - _MARGIN * max(least - asked, 0.0)
-        begin, end, first, last = stretches
-        stretches = stretches[:, (first + last - (end - begin)) / 2 < enough]
-        wide = stretches[1] - stretches[0] > _FINE
-        if not wide.any():
+        stretches, at = _halved(stretches, least - _MARGIN * max(least - asked, 0.0), _FINE)
+        if not len(at):
             break
-        begin, end, first, last = stretches[:, wide]
-        at = begin + (end - begin) / 2
-        near = look(at)
-        nearest, where = min((nearest, where), _least(near, at))
-        halves = np.stack([begin, at, first, near]), np.stack([at, end, near, last])
-        stretches = np.concatenate([stretches[:, ~wide], *halves], axis=1)
-    if stretches.size:
+        near, found = look(at)
+        nearest, where = min((nearest, where), found)
+        halves = stretches[len(stretches) - 2 * len(at) :]
+        halves[::2, 3] = halves[1::2, 2] = near
+    if len(stretches):
         # The samples themselves: a cusp may come nearer than its surroundings.
-        begin, end = np.sort(stretches[:2])
-        i = np.searchsorted(begin, way, side="right") - 1
-        at = way[(i >= 0) & (way <= end[i])]
-        nearest, where = min((nearest, where), _least(look(at), at))
+        at = _among(way, stretches[np.argsort(stretches[:, 0])])
+        nearest, where = min((nearest, where), look(at)[1])
     return nearest, points(path, way, np.array([where]))[0]
 
 
-def _least(values: Array, at: Array) -> tuple[float, float]:
-    """The smallest of some values, and where the first such is."""
-    i = int(np.argmin(values)) if len(values) else 0
-    return (float(values[i]), float(at[i])) if len(values) else (math.inf, 0.0)
+@kernel
+def _halved(stretches: Array, enough: float, fine: float) -> tuple[Array, Array]:
+    """Of stretches (n, 4), where they begin and end, and the clearances there, those that may hold less than
+    enough: first the fine ones, then the halves of others; and where these meet."""
+    n, wide = 0, 0
+    found, at = np.empty((2 * len(stretches), 4)), np.empty(len(stretches))
+    for fine_ones in (True, False):
+        for begin, end, first, last in stretches:
+            if not (first + last - (end - begin)) / 2 < enough or (end - begin > fine) == fine_ones:
+                continue
+            found[n] = begin, end, first, last
+            n += 1
+            if not fine_ones:
+                middle = begin + (end - begin) / 2
+                found[n - 1, 1], at[wide] = middle, middle
+                found[n] = middle, end, first, last
+                n, wide = n + 1, wide + 1
+    return found[:n], at[:wide]
+
+
+@kernel
+def _among(way: Array, stretches: Array) -> Array:
+    """Those of increasing ways (n,) that lie in stretches (k, 4), in order, disjoint but for their ends."""
+    found, size = np.empty(len(way)), 0
+    for begin, end in stretches[:, :2]:
+        for i in range(np.searchsorted(way, begin), len(way)):
+            if way[i] > end:
+                break
+            if size == 0 or way[i] > found[size - 1]:
+                found[size] = way[i]
+                size += 1
+    return found[:size].copy()
+
+
+@kernel
+def _least(near: Array, at: Array, most: float) -> tuple[float, float]:
+    """The smallest clearance, and where the first such is; inf where there are none. All are brought within
+    ±most, what is no number to the lowest."""
+    least, where = np.inf, 0.0
+    for i in range(len(near)):
+        near[i] = min(near[i], most) if near[i] >= -most else -most
+        if near[i] < least:
+            least, where = near[i], at[i]
+    return least, where

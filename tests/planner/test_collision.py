@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from drives.se2 import Array, Pose, Twist, compose, exp
-from planner.collision import to_local
+from planner.collision import COLUMNS, END, FIELD, ROWS, STEP, to_local
 from planner.environment import (
     CollisionWorld,
     linear_free,
@@ -316,3 +316,30 @@ def _compose(world: Array) -> int:
     found += 4 if twist_free(world, -3.5, 2.5, 0.0, 1.0, 0.0, 0.1) else 0
     found += 8 if pose_clearance_at_least(world, -3.5, 2.5, 0.0, 0.5) else 0
     return found
+
+
+@pytest.mark.parametrize(("count", "size"), [(0, 1.0), (1, 3.0), (25, 1.0), (900, 0.03)])
+def test_the_field_holds_the_distance_to_the_nearest_boundary_at_every_cell(count: int, size: float) -> None:
+    """By shapely, negative in what is closed. Of the last, more lie about a block than it looks at singly."""
+    random = np.random.default_rng(3)
+    spread = 4.0 if size > 0.1 else 0.4
+    obstacles: list[Polygon] = []
+    for x, y in random.uniform(-spread, spread, (count, 2)) * (1, 0.8):
+        turns = (
+            np.sort(random.uniform(0, math.tau, 5)) if random.random() < 0.5 else np.arange(4) * math.pi / 2
+        )
+        corners = size * np.stack([np.cos(turns), np.sin(turns)], -1) * random.uniform(0.2, 1.0)
+        obstacles.append(Polygon(corners + np.array([x, y])))
+    world = CollisionWorld.build(Environment(ROOM, tuple(obstacles)), rectangle(0.2, 0.2)).kernel
+    rows, columns, step = int(world[ROWS]), int(world[COLUMNS]), world[STEP]
+    field = world[int(world[FIELD]) : int(world[END])].reshape(rows, columns)
+    y, x = (np.mgrid[:rows, :columns] + 0.5) * step + np.array([-4.0, -5.0])[:, None, None]
+    cells = shapely.points(x, y)
+    shapes = np.array([shapely.Polygon(o.vertices) for o in obstacles])
+    sides = [*(shape.boundary for shape in shapes), shapely.box(-5, -4, 5, 4).boundary]
+    tree = shapely.STRtree(sides)
+    distance = shapely.distance(cells, np.array(sides)[tree.nearest(cells.ravel())].reshape(cells.shape))
+    closed = (np.abs(x) > 5) | (np.abs(y) > 4)
+    hit = shapely.STRtree(shapes).query(cells.ravel(), "within")[0] if count else []
+    closed.ravel()[hit] = True
+    np.testing.assert_allclose(field, np.where(closed, -distance, distance), atol=1e-9)

@@ -15,7 +15,7 @@ import pytest
 from drives import DRIVES
 from drives.se2 import Pose
 from planner import errors
-from planner.candidates import MAX_SAMPLES
+from planner.candidates import MAX_SAMPLES, MAX_WAY
 from planner.errors import (
     AuditFailed,
     InvalidGeometry,
@@ -208,6 +208,20 @@ def test_a_slow_motion_of_fewer_samples_is_planned(ask: Ask) -> None:
     made = plan(problem)
     assert made.duration == pytest.approx(2000.0, rel=1e-3)
     assert len(made.schedule.time) < MAX_SAMPLES
+
+
+@pytest.mark.parametrize("kind", ["differential", "mecanum"])
+def test_a_way_too_long_to_be_checked_is_infeasible_and_a_shorter_one_is_planned(ask: Ask, kind: str) -> None:
+    def problem(way: float) -> Problem:
+        floor = Environment(Bounds(-5.0, -5.0, way + 5.0, 5.0))
+        return ask(kind, (0, 0, 0), (way, 0, 0), floor, limits={"wheel_speed": 100.0}, sample_period=1.0)
+
+    error = refused(problem(1.01 * MAX_WAY))
+    assert isinstance(error, LimitsInfeasible)
+    assert "101000 m, more than the 100000 m" in str(error)
+    made = plan(problem(0.99 * MAX_WAY))
+    assert made.length == pytest.approx(0.99 * MAX_WAY)
+    assert made.certificate.clearance > 4
 
 
 def test_steering_that_no_path_can_keep_is_infeasible(ask: Ask) -> None:

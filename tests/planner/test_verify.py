@@ -625,7 +625,8 @@ def test_a_clearance_that_is_no_number_fails(value: float) -> None:
     assert error.details["violations"][0].startswith("the clearance is -1e+06 m at t = ")
 
 
-def test_a_motion_too_long_to_check_fails() -> None:
+def test_a_motion_too_long_to_check_fails_and_says_so() -> None:
     world = Discs()
-    column("pose", (70, 0), 1e7)(moving(drive_of("differential"))).refused(world)
+    found = column("pose", (70, 0), 1e7)(moving(drive_of("differential"))).sentences(world)
+    assert re.fullmatch(r"the footprint moves 2e\+07 m, of which 110000 m can be checked", found[0])
     assert world.asked < 1000
