@@ -15,8 +15,8 @@ from planner.bow import bowed
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
-from planner.guess import flowing_time, reversals
-from planner.optimize import Optimizer, is_far
+from planner.guess import flowing_time, is_far, reversals
+from planner.optimize import Optimizer
 from planner.path import LinePiece, Path
 from planner.problem import Problem
 from planner.retime import hastened
@@ -42,9 +42,11 @@ _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
 _DETOUR = 1.3
 """At effort first, how much longer than the crow flies a way is where others are looked for."""
-_HOPE = 0.92
-"""Share of its flowing time that a motion may take once it is optimized, where the best so far turns
-back."""
+_OVER, _HOPE = 1.05, 0.97
+"""A motion is expected to exceed its flowing time as the best so far does, by the first factor at most; by
+the second less where the best turns back."""
+_SAME = 1e-3
+"""Share by which flowing times of different ways differ at least."""
 _HASTE = 0.9
 """Share of the duration of a motion with smoothed laws that is left, at best, once it is retimed."""
 
@@ -58,6 +60,20 @@ class Candidate:
     timed: Phases
     found: Path
     optimized: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """A path to a goal: who found it, what it was before it was shortened, and the motion along it with
+    stops, where that is known."""
+
+    planner: str
+    path: Path
+    found: Path
+    timed: Phases | None
+
+    def stopping(self, timed: Phases) -> Candidate:
+        return Candidate(self.planner, timed, self.found)
 
 
 def candidates(
@@ -88,34 +104,55 @@ def candidates(
 
     if effort == "best":
         known: set[float] = set()
-        for near in _stopping(problem, local, goals, watch):
-            stopping = [near] if known else [near, *_plain(problem, local, goals, near, watch)]
-            stopping = _hastened(sorted(stopping, key=_duration), limits, watch)
+        for way in _ways(problem, local, goals, watch):
+            assert way.timed is not None
+            stopped = way.stopping(way.timed)
+            hasty = [stopped] if known else [stopped, *_plain(problem, local, goals, stopped, watch)]
+            hasty = _hastened(sorted(hasty, key=_duration), limits, watch)
             watch.lap("optimize")
-            yield stopping
+            yield hasty
             # A search often finds the same way again.
-            duration = round(near.timed.duration, 6)
+            duration = round(stopped.timed.duration, 6)
             if duration not in known and not watch.is_over(optimizer.longest):
-                yield optimized(near, _BEST_ROUNDS) or bow(near)
+                yield optimized(stopped, _BEST_ROUNDS) or bow(stopped)
             known.add(duration)
         return
-    stopping = list(_stopping(problem, local, goals, watch))
-    found, first = list(stopping), stopping[0]
+    ways = list(_ways(problem, local, goals, watch))
+    stopping = {way: way.stopping(way.timed) for way in ways if way.timed is not None}
+    first = stopping[ways[0]]
+
+    def stops(way: _Way) -> Candidate | None:
+        if way not in stopping:
+            try:
+                stopping[way] = way.stopping(_timed(problem, way.path))
+            except LimitsInfeasible:
+                return None
+            watch.lap("time")
+        return stopping[way]
+
+    flowed: dict[_Way, Candidate] = {}
     # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
-    if effort == "good" and drive.settled is drive:
-        stopping.sort(key=lambda near: flowing_time(near.timed, limits))
-        best: tuple[float, Candidate] | None = None
-        for near in stopping[:_GOOD_TRIES]:
+    optimizes = effort == "good" and drive.settled is drive
+    if optimizes:
+        ways.sort(key=lambda way: flowing_time(way.path, drive, limits))
+        best: _Way | None = None
+        for way in ways[:_GOOD_TRIES]:
             if watch.is_over(optimizer.longest):
                 break
+            time = flowing_time(way.path, drive, limits)
             if best is not None:
-                hope = _HOPE if reversals(best[1].timed) else 1.0
-                if hope * flowing_time(near.timed, limits) >= best[0]:
+                over = min(_duration(flowed[best]) / flowing_time(best.path, drive, limits), _OVER)
+                if over * (_HOPE if reversals(best.path) else 1.0) * time >= _duration(flowed[best]):
                     break
-            if faster := optimized(near, _GOOD_ROUNDS):
-                found += faster
-                if best is None or faster[0].timed.duration < best[0]:
-                    best = faster[0].timed.duration, near
+            # A search often finds the same way again.
+            if any(abs(time / flowing_time(other.path, drive, limits) - 1) < _SAME for other in flowed):
+                continue
+            near = stops(way)
+            if near is not None and (faster := optimized(near, _GOOD_ROUNDS)):
+                (flowed[way],) = faster
+                if best is None or _duration(flowed[way]) < _duration(flowed[best]):
+                    best = way
+    found = [*stopping.values(), *flowed.values()]
     if effort == "good" and (local.flows or first.planner != "direct"):
         found += _plain(problem, local, goals, first, watch)
     found.sort(key=_duration)
@@ -123,13 +160,17 @@ def candidates(
         found = _hastened(found, limits, watch)
         watch.lap("optimize")
     yield found
-    if effort == "good" and drive.settled is drive:
+    if optimizes:
         patient = replace(optimizer, iterations=_PATIENCE)
-        for near in stopping[:_GOOD_TRIES]:
+        # What its check refuses would be found again.
+        for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
             if watch.is_over(optimizer.longest * _PATIENCE / optimizer.iterations):
                 break
-            if flowing_time(near.timed, limits) < _HASTE * near.timed.duration:
+            near = stops(way)
+            if near is not None and flowing_time(way.path, drive, limits) < _HASTE * _duration(near):
                 yield optimized(near, _GOOD_ROUNDS, patient)
+        rest = [stops(way) for way in ways if way not in stopping and not watch.is_over()]
+        yield _hastened([near for near in rest if near is not None], limits, watch)
 
 
 def _hastened(found: list[Candidate], limits: Limits, watch: Stopwatch) -> list[Candidate]:
@@ -148,14 +189,15 @@ def _duration(candidate: Candidate) -> float:
     return candidate.timed.duration
 
 
-def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[Candidate]:
-    """Ways to the goal, timed with stops, until effort or time end; at least one, or a PlanningError."""
+def _ways(problem: Problem, local: Connector, goals: list[Pose], watch: Stopwatch) -> Iterator[_Way]:
+    """Ways to the goal, until effort or time end; at least one that is timed, or a PlanningError."""
     options, robot = problem.options, problem.robot
     search = Search(
         local, problem.environment, problem.start, goals, options.seed,
         lambda: _refuse_if_separated(problem, local.world),
     )  # fmt: skip
     count = searched = 0
+    waits = options.effort == "good" and robot.drive.settled is robot.drive
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)
@@ -192,24 +234,24 @@ def _stopping(problem: Problem, local: Connector, goals: list[Pose], watch: Stop
                 break
             shorter = shorten(path, local, quick=options.effort == "first")
             watch.lap("shorten")
-            if options.effort == "first" and is_detour(path):
+            if options.effort == "first" and is_detour(shorter):
                 others = [shorten(other, local, quick=True) for other in search.others(watch.is_over)]
-                path = min([path, *others], key=local.duration)
+                shorter = min([shorter, *others], key=local.duration)
                 watch.lap("shorten")
         try:
-            timed = time_path(shorter, robot.drive, robot.limits, problem.steering)
-            _refuse_if_endless(shorter, timed, problem)
+            # Most that are found by search are never driven from stop to stop.
+            timed = None if waits and count and planner != "direct" else _timed(problem, shorter)
             watch.lap("time")
-            yield Candidate(planner, timed, path)
+            yield _Way(planner, shorter, path, timed)
         except LimitsInfeasible as error:
             refused = refused or error
         else:
             count += 1
             searched += planner != "direct"
             if options.effort == "good" and turns_back:
-                turns_back = reversals(timed) > 0
+                turns_back = reversals(shorter) > 0
                 # On an open floor no way is better than a direct one.
-                if planner == "direct" and count == 1 and is_far(timed, robot.limits, local.world):
+                if planner == "direct" and count == 1 and is_far(shorter, robot, local.world):
                     turns_back = False
         if is_enough() or watch.is_over():
             break
@@ -234,8 +276,7 @@ def _plain(
     path = path or shorten(near.found, quick, quick=True)
     watch.lap("shorten")
     try:
-        timed = time_path(path, robot.drive, robot.limits, problem.steering)
-        _refuse_if_endless(path, timed, problem)
+        timed = _timed(problem, path)
     except LimitsInfeasible:
         return []
     finally:
@@ -272,8 +313,10 @@ def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
         )
 
 
-def _refuse_if_endless(path: Path, timed: Phases, problem: Problem) -> None:
+def _timed(problem: Problem, path: Path) -> Phases:
+    """The motion along a path with stops."""
     period, reach = problem.options.sample_period, problem.robot.footprint.reach
+    timed = time_path(path, problem.robot.drive, problem.robot.limits, problem.steering)
     if timed.duration / period > MAX_SAMPLES:
         raise LimitsInfeasible(
             f"the motion would take {timed.duration:.6g} s, more than {MAX_SAMPLES} samples of {period:g} s"
@@ -283,3 +326,4 @@ def _refuse_if_endless(path: Path, timed: Phases, problem: Problem) -> None:
         raise LimitsInfeasible(
             f"the footprint would move {way:.6g} m, more than the {MAX_WAY:g} m of a plan that can be checked"
         )
+    return timed

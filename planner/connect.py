@@ -224,6 +224,7 @@ class LineConnector(Connector):
             shares = needed / np.hypot(way[..., 0], way[..., 1])[..., None]
         fits = shares.sum(-1) < 1.0
         shares[..., 1] = 1.0 - shares.sum(-1)
+        shares[~fits] = 0.0
         steps = np.concatenate([shares[..., None] * way[..., None, :], turns[..., None]], -1)
         steps[~fits] = 0.0
         start = np.zeros_like(steps)

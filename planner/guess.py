@@ -7,23 +7,37 @@ smoothed by a moving average over the time that it takes to get to speed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drives.drive import Limits
+from drives.drive import Drive, Limits
 from drives.se2 import Array
+from planner.environment import CollisionWorld
+from planner.path import Curve
+from planner.problem import Robot
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
 
-__all__ = ["Coordinates", "Guess", "cruising", "flowing", "flowing_time", "ramp_time", "reversals", "sampled"]
+__all__ = [
+    "KNOTS", "Coordinates", "Curves", "Guess", "cruising", "driven", "flowing", "flowing_time", "is_far",
+    "knot_count", "ramp_time", "reversals", "sampled", "way_length",
+]  # fmt: skip
 
 Coordinates = Literal["twist", "unicycle", "car"]
 """(vx, vy, omega), (v, omega) or (v, curvature), see trajectory.Flowing."""
 
+Curves = tuple[Curve, ...]
+
 _SHARES = np.linspace(0.0, 1.0, 41)
+KNOTS = (16, 24, 32, 48, 64, 96)
+_INTERVAL, _SPACING = 0.3, 0.35
+"""Time (s), and among obstacles way (m), between knots to aim at."""
+_FAR = 0.5
+"""Clearance (m) of a motion from which on it is optimized without obstacles."""
 _FINE, _FINE_PER_KNOT = 2000, 20
 """Points at least that moving averages are taken over."""
 _BEND_WINDOW = 2.0
@@ -47,24 +61,28 @@ class Guess:
         return Guess(time - time[0], there[:, :3], there[:, 3:])
 
 
-def flowing_time(motion: Phases, limits: Limits) -> float:
-    """About how long (s) a motion would take if it only stopped where it changes direction."""
-    return float(cruising(motion, limits).time[-1]) + (1 + reversals(motion)) * ramp_time(limits)
+def driven(motion: Phases) -> Curves:
+    """The pieces of a path that a motion drives along."""
+    return tuple(phase.piece for phase in motion.phases if isinstance(phase, Driven))
 
 
-def reversals(motion: Phases) -> int:
-    """How often a motion that drives where it heads turns back."""
-    pieces = [phase.piece for phase in motion.phases if isinstance(phase, Driven)]
-    tangent = np.array([piece.body_path(np.array([0.5])).tangent[0] for piece in pieces])
+def flowing_time(path: Curves, drive: Drive, limits: Limits) -> float:
+    """About how long (s) a motion along a path would take if it only stopped where it changes direction."""
+    return float(cruising(path, drive, limits).time[-1]) + (1 + reversals(path)) * ramp_time(limits)
+
+
+def reversals(path: Curves) -> int:
+    """How often a motion along a path that drives where it heads turns back."""
+    tangent = np.array([piece.body_path(np.array([0.5])).tangent[0] for piece in path])
     if tangent[:, 1].any():
         return 0
     forward = np.sign(tangent[np.abs(tangent[:, 0]) > _STILL, 0])
     return int(np.count_nonzero(np.diff(forward)))
 
 
-def flowing(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
-    """A motion from stop to stop as if it flowed. Its poses stay on the path, which is known to be free."""
-    cruise, pose, twist = cruising(motion, limits)
+def flowing(path: Curves, drive: Drive, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
+    """A motion along a path as if it flowed. Its poses stay on the path, which is known to be free."""
+    cruise, pose, twist = cruising(path, drive, limits)
     ramp = ramp_time(limits)
     time = np.linspace(0.0, cruise[-1] + ramp, knots + 1)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
@@ -101,6 +119,28 @@ def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
             return Guess(time, rough.pose, np.column_stack([rough.twist[:, 0], bend]))
 
 
+def is_far(path: Curves, robot: Robot, world: CollisionWorld) -> bool:
+    """Whether obstacles are so far from a path that a motion along it may be optimized without them."""
+    return bool(path) and float(world.clearance(cruising(path, robot.drive, robot.limits).pose).min()) > _FAR
+
+
+def knot_count(motion: Phases, limits: Limits, spacing: float = _SPACING) -> int:
+    """How many intervals to optimize a motion over, at most `spacing` m apart."""
+    if path := driven(motion):
+        time, poses = flowing_time(path, motion.drive, limits), cruising(path, motion.drive, limits).pose
+    else:
+        time = motion.duration
+        poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
+    wanted = max(time / _INTERVAL, way_length(poses) / spacing)
+    most = math.ceil(wanted) if math.isfinite(spacing) else KNOTS[-1]
+    return next((n for n in KNOTS if wanted <= n), most)
+
+
+def way_length(pose: Array) -> float:
+    """Length (m) of the body origin along poses (n, 3)."""
+    return float(np.hypot(*np.diff(pose[:, :2], axis=0).T).sum())
+
+
 def ramp_time(limits: Limits) -> float:
     """Time (s) from rest to full speed."""
     ramps = limits.wheel_speed / limits.wheel_acceleration + limits.wheel_acceleration / limits.wheel_jerk
@@ -116,19 +156,18 @@ class Cruise(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def cruising(motion: Phases, limits: Limits) -> Cruise:
-    """Along the pieces of a motion, always as fast as rates allow."""
+def cruising(path: Curves, drive: Drive, limits: Limits) -> Cruise:
+    """Along the pieces of a path, always as fast as rates allow."""
     times, poses, twists = [], [], []
     begin = 0.0
-    for phase in motion.phases:
-        if isinstance(phase, Driven):
-            path = phase.piece.body_path(_SHARES)
-            speed = cruising_speed(motion.drive, limits, path)
-            lasting = np.diff(_SHARES) * (1 / speed[1:] + 1 / speed[:-1]) / 2
-            times.append(begin + np.concatenate([[0.0], np.cumsum(lasting)]))
-            poses.append(phase.piece.poses(_SHARES))
-            twists.append(path.tangent * speed[:, None])
-            begin = float(times[-1][-1])
+    for piece in path:
+        along = piece.body_path(_SHARES)
+        speed = cruising_speed(drive, limits, along)
+        lasting = np.diff(_SHARES) * (1 / speed[1:] + 1 / speed[:-1]) / 2
+        times.append(begin + np.concatenate([[0.0], np.cumsum(lasting)]))
+        poses.append(piece.poses(_SHARES))
+        twists.append(along.tangent * speed[:, None])
+        begin = float(times[-1][-1])
     return Cruise(np.concatenate(times), np.concatenate(poses), np.concatenate(twists))
 
 

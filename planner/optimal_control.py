@@ -35,11 +35,14 @@ _EFFORT = (1e-3, 2e-2)
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
 settles what would be undetermined; where that is not enough the second is tried."""
 
-_FATROP = {
-    "tol": 1e-5, "mu_init": 1e-3, "mu_superlinear_decrease_power": 1.3,
-    "bound_push": 0.1, "bound_frac": 0.1,
-}  # fmt: skip
-"""Begun so near the limits, it takes a third less iterations than from a barrier of 0.03."""
+_LIGHT = 0.03
+"""Weight of the rows that hold the goal. Fatrop solves a row for the controls of the last stage that has any
+pivot above 1e-5 to offer: next to nothing, where a car comes to rest, against going sideways. Divided by that
+again and again, no step is ever fit, and it looks for one for ever. Light rows are left to earlier stages."""
+
+_FATROP = {"tol": 1e-5, "mu_superlinear_decrease_power": 1.3, "bound_push": 0.1, "bound_frac": 0.1}
+_BARRIER = {"car": 1e-3, "twist": 3e-4, "unicycle": 1e-4}
+"""To begin with: so near the limits, it takes half the iterations than from 0.03; nearer, more get stuck."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +50,9 @@ class Shape:
     """What a compiled solver is for: all else are its parameters.
 
     coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
-    to at every knot, and halfway to the next. jerk: whether wheel jerks are limited. given: what of the state
-    it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature. forward:
-    whether it must not go backwards.
+    to at every knot, and once between it and the next. jerk: whether wheel jerks are limited. given: what of
+    the state it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature.
+    forward: whether it must not go backwards.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -121,16 +124,19 @@ class Solver:
         """States (knots + 1, state) and controls (knots, size), or None.
 
         guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
-        rates where jerk is limited, and the duration, which should be about 1, as should be lengths.
+        rates where jerk is limited, and the duration, which should be about 1, as should be lengths. Besides
+        Shape.parameters: planes (2 knots, planes, 5), at each knot and after it, and shares (knots,) of the
+        intervals, where those after a knot hold.
         """
         states, unit = self.shape.units
         guess, controls = guess / states, controls / unit
         given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
         planes = np.reshape(parameters["planes"], (self.shape.knots, -1))
+        own = np.column_stack([planes, parameters["shares"]])
         # Among obstacles a second try costs too much for what it seldom brings.
         for share in _EFFORT if self.shape.planes == 0 else _EFFORT[:1]:
             effort = share / max(float((controls**2).sum()), 1e-9)
-            found = self._program.solve(guess, controls, planes, np.concatenate([*given, [effort]]))
+            found = self._program.solve(guess, controls, own, np.concatenate([*given, [effort]]))
             if found is not None:
                 return found[0] * states, found[1] * unit
         return None
@@ -142,27 +148,29 @@ def solver(shape: Shape, iterations: int) -> Solver:
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
     x, u, effort = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("effort")
-    here, halfway = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
+    here, later = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
+    share = ca.SX.sym("t")
     unit, control = shape.units
     at, by = x * unit, u * control
-    after, between = motion.step(at, by)
+    after, between = motion.step(at, by, share)
     bends = [Rows(motion.bends(at), -1, 1)] if shape.given == "rest" else []
     stage = Stage(
-        x, u, ca.vertcat(here, halfway), ca.vertcat(*symbols.values(), effort),
+        x, u, ca.vertcat(here, later, share), ca.vertcat(*symbols.values(), effort),
         after=after / unit,
         cost=ca.sumsqr(u) * effort,
-        held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, halfway), 0, math.inf)],
+        held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, later), 0, math.inf)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
         later=[Rows(motion.speeds(at), -1, 1), Rows(motion.gaps(at, here), 0, math.inf)],
         last=[Rows(motion.speeds(at), -1, 1), Rows(motion.finish(at), 0, 0)],
         last_cost=x[-1],
     )  # fmt: skip
-    return Solver(shape, program(stage, shape.knots, _FATROP | {"max_iter": iterations}))
+    options = _FATROP | {"mu_init": _BARRIER[shape.coordinates], "max_iter": iterations}
+    return Solver(shape, program(stage, shape.knots, options))
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {
     "fixed": (0.0,),
-    "car": (0.0, 1.0),
+    "car": (0.0, 0.5, 1.0),
     "twist": (0.5,),
     "jerk": (0.25, 0.75),
 }
@@ -175,8 +183,8 @@ _GAUSS = {
     3: ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18)),
 }
 """Points and weights of Gauss's rule, exact for polynomials of degree 2n - 1."""
-_HALF = (5 / 36 + 15**0.5 / 24, 2 / 9, 5 / 36 - 15**0.5 / 24)
-"""Weights of the three points for the integral over the first half."""
+_PARTS = np.linalg.inv(np.vander([a for a, _ in _GAUSS[3]], increasing=True)) / [[1], [2], [3]]
+"""Times (t, t², t³), weights of the three points for the integral up to t."""
 
 
 class _Motion:
@@ -204,8 +212,8 @@ class _Motion:
             case "car":
                 return q[0], 0, q[0] * q[1]
 
-    def step(self, x: Any, u: Any) -> tuple[Any, list[Any]]:
-        """The state at the next knot; the pose halfway there."""
+    def step(self, x: Any, u: Any, share: Any) -> tuple[Any, list[Any]]:
+        """The state at the next knot; the pose at a share of the way there."""
         h = x[-1] / self.shape.knots
         degree = self.shape.order * (2 if self.shape.coordinates == "car" else 1)
 
@@ -219,10 +227,11 @@ class _Motion:
             c, s = ca.cos(heading(a * h)), ca.sin(heading(a * h))
             ways.append(h * ca.vertcat(c * vx - s * vy, s * vx + c * vy))
         whole = sum(w * way for (_, w), way in zip(_GAUSS[3], ways, strict=True))
-        half = sum(w * way for w, way in zip(_HALF, ways, strict=True))
+        weights = ca.horzcat(share, share**2, share**3) @ ca.DM(_PARTS)
+        part = sum(w * way for w, way in zip(ca.horzsplit(weights), ways, strict=True))
         q, r = self._later(x, u, h)
         after = ca.vertcat(x[:2] + whole, heading(h), q, *([r] if self.shape.jerk else []), x[-1])
-        return after, [x[0] + half[0], x[1] + half[1], heading(h / 2)]
+        return after, [x[0] + part[0], x[1] + part[1], heading(share * h)]
 
     def begin(self, x: Any) -> list[Any]:
         """What is zero in the state to begin in."""
@@ -231,7 +240,8 @@ class _Motion:
     def finish(self, x: Any) -> list[Any]:
         """What is zero at rest at the goal."""
         still = np.zeros(self.shape.state - 4)
-        return self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
+        apart = self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
+        return [_LIGHT * each for each in apart]
 
     def _differences(self, x: Any, to: Any, given: str) -> list[Any]:
         """Of a state to another one, as far as that is given."""
@@ -284,6 +294,9 @@ class _Motion:
         for share in _INSIDE["jerk" if kind == "twist" and self.shape.jerk else kind]:
             q, r = self._later(x, u, share * x[-1] / self.shape.knots)
             rows += self._changes(q, r, u)
+            if self.shape.coordinates == "car" and share == 0.5:
+                # Between knots v times the curvature is no straight line.
+                rows += self._rates(q)
         if self.shape.coordinates == "car" and self.shape.jerk:
             # A parabola stays within its control points: two are at the knots, this one is between.
             _, q, r = self._split(x)

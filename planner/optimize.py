@@ -12,31 +12,42 @@ import numpy as np
 
 from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
-from planner.corridor import half_planes
+from planner.corridor import cover, half_planes, hull
 from planner.environment import CollisionWorld
-from planner.guess import Coordinates, Guess, cruising, flowing, flowing_time, ramp_time, sampled
+from planner.guess import (
+    KNOTS,
+    Coordinates,
+    Guess,
+    driven,
+    flowing,
+    is_far,
+    knot_count,
+    ramp_time,
+    sampled,
+    way_length,
+)
 from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
+from planner.rounding import rounded
 from planner.schedule import WheelSchedule
-from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
+from planner.trajectory import Flowing, Phase, Phases, Steer
 
-__all__ = ["Optimizer", "is_far"]
+__all__ = ["Optimizer"]
 
-_KNOTS = (16, 24, 32, 48, 64, 96)
-_INTERVAL, _SPACING = 0.3, 0.35
-"""Time (s), and among obstacles way (m), between knots to aim at."""
 _SPARE = (0.005, 0.015, 0.04)
 """Room (m) asked for at knots, which say nothing of the motion between them; more where it hit something."""
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
-_FAR = 0.5
-"""Clearance (m) of a motion from which on it is optimized without obstacles."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
+_INSIDE = np.linspace(0.1, 0.9, 9)
+"""Shares of intervals between knots at which it is seen how near obstacles are."""
+_HALVINGS = 6
+"""How exactly it is found how far a pose must be moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +76,16 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         limits = self.problem.robot.limits
-        if is_far(motion, limits, self.world):
-            knots = _knots(motion, limits, math.inf)
+        if is_far(driven(motion), self.problem.robot, self.world):
+            knots = knot_count(motion, limits, math.inf)
             guess = self._guess(motion, knots)
-            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)))
+            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)), np.full(knots, 0.5))
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
-                    made = hastened(made, limits, partial(self.is_over, 0.0))
+                    made = self._finished(made)
                     return made if made.duration < motion.duration else None
-        knots = _knots(motion, limits, _SPACING)
+        knots = knot_count(motion, limits)
         best = motion
         for _ in range(rounds):
             near = self._near(best, knots)
@@ -91,13 +102,13 @@ class Optimizer:
         guess = self._guess(motion, knots)
         begin = self._begin(guess)
         runs = None
-        if knots <= _KNOTS[-1]:
+        if knots <= KNOTS[-1]:
             found = self._in_corridor(guess, begin)
             runs = None if found is None else [found]
         if runs is None and knots > WINDOW:
             runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
         made = None if runs is None else self._slowed(runs)
-        return None if made is None else hastened(made, self.problem.robot.limits, partial(self.is_over, 0.0))
+        return None if made is None else self._finished(made)
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
         found = None if self.is_over(self.longest) else self._in_corridor(guess, begin)
@@ -110,22 +121,69 @@ class Optimizer:
 
     def _in_corridor(self, guess: Guess, begin: State) -> Flowing | None:
         """The fastest free motion on the same side of all obstacles as a guess, whose poses are free."""
-        poses, relaxed = _halved(guess.pose), True
+        shares = np.full(len(guess.time) - 1, 0.5)
+        poses, relaxed = self._free(guess.pose, shares), True
+        centres, radius = cover(self._corners)
+        parts = [(centre[None], radius) for centre in centres]
         for spare in _SPARE:
-            planes = half_planes(self.world.kernel, poses[:-1], relaxed, spare)
-            found = self._solve(guess, begin, planes)
-            if found is None or self._is_free(found):
+            planes = np.concatenate([
+                half_planes(self.world.kernel, corners, grown, poses[:-1], relaxed, spare)
+                for corners, grown in parts
+            ], 1)  # fmt: skip
+            found = self._solve(guess, begin, planes, shares)
+            if found is not None and self._is_free(found):
                 return found
+            if found is not None:
+                # Now beside the obstacles that the answer ran into.
+                shares = self._nearest(found)
+                there = found.poses(_between(found.time, shares))
+                poses, relaxed = self._backed(there, self._free(guess.pose, shares), spare), False
+            elif radius == 0.0:
+                break
             if self.is_over(self.longest):
                 break
-            # Now beside the obstacles that the answer ran into.
-            poses, relaxed = found.poses(_halved(found.time)), False
+            # And with no more room than the footprint takes.
+            parts, radius = [(self._corners, 0.0)], 0.0
         return None
+
+    def _free(self, poses: Array, shares: Array) -> Array:
+        """Free poses (n + 1, 3) and others between them: as the last, where a straight step is not free."""
+        every = _between(poses, shares)
+        between = every[1::2]
+        hit = self.world.clearance(between) <= self.problem.options.min_clearance
+        between[hit] = poses[:-1][hit]
+        return every
+
+    def _nearest(self, motion: Flowing) -> Array:
+        """Shares (n,) of the intervals between knots, where a motion is nearest to obstacles."""
+        step = np.diff(motion.time)[:, None]
+        clearance = self.world.clearance(motion.poses((motion.time[:-1, None] + step * _INSIDE).ravel()))
+        shares: Array = _INSIDE[np.argmin(clearance.reshape(len(step), -1), 1)]
+        return shares
+
+    def _backed(self, poses: Array, free: Array, spare: float) -> Array:
+        """Poses (n, 3), moved towards free ones to where they are free, with what of the room to spare those
+        have."""
+        needed = self.problem.options.min_clearance + spare
+        room = np.minimum(self.world.clearance(free), needed)
+        low, high = np.zeros(len(poses)), np.ones(len(poses))
+        share = high.copy()
+        for _ in range(_HALVINGS):
+            there = free + share[:, None] * (poses - free)
+            clear = self.world.clearance(there) >= room
+            low, high = np.where(clear, share, low), np.where(clear, high, share)
+            share = np.where(low < 1.0, (low + high) / 2, 1.0)
+        backed: Array = free + low[:, None] * (poses - free)
+        return backed
+
+    @cached_property
+    def _corners(self) -> Array:
+        return hull(self.problem.robot.footprint.vertices)
 
     def _is_free(self, motion: Flowing) -> bool:
         # Chords between poses: an arc strays from them by less than the certificate's tolerance, which has
         # the last word.
-        steps = math.ceil(_way(motion.poses(motion.time)) / _STEP) + 100
+        steps = math.ceil(way_length(motion.poses(motion.time)) / _STEP) + 100
         return self.world.polyline_free(motion.poses(np.linspace(0.0, motion.duration, steps))) < 0
 
     @cached_property
@@ -167,13 +225,14 @@ class Optimizer:
         return begin._replace(coordinates=np.array([0.0, bend]), given="curvature")
 
     def _guess(self, motion: Phases, knots: int) -> Guess:
-        if any(isinstance(phase, Driven) for phase in motion.phases):
-            return flowing(motion, self.problem.robot.limits, self._coordinates, knots)
+        if path := driven(motion):
+            return flowing(path, motion.drive, self.problem.robot.limits, self._coordinates, knots)
         return sampled(motion, self._coordinates, knots)
 
-    def _solve(self, guess: Guess, begin: State, planes: Array) -> Flowing | None:
+    def _solve(self, guess: Guess, begin: State, planes: Array, shares: Array) -> Flowing | None:
         """The fastest motion near a guess, from a state to rest where the guess ends, on the right side of
-        planes (2n, p, 5), of knots and halfway between them. Between knots it may exceed limits a little."""
+        planes (2n, p, 5), at knots and at shares (n,) of the time to the next. Between knots it may exceed
+        limits a little."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
         # Of wheels that always turn alike, one will do.
@@ -221,7 +280,7 @@ class Optimizer:
                 length / time / limits.linear_speed, 1 / time / most,
                 length / time**2 / limits.linear_acceleration, length / time**2 / limits.lateral_acceleration,
             ],
-            "planes": nearby,
+            "planes": nearby, "shares": shares,
         }  # fmt: skip
         q = guess.coordinates / unit
         rates = np.gradient(q, 1 / n, axis=0)
@@ -257,7 +316,7 @@ class Optimizer:
                 slower = _excess(Phases(drive, (given,)), run.time, limits)
                 if not slower < 1.5:
                     return None
-                phases.append(_slowed_by(given, slower))
+                phases.append(given.slowed(slower))
                 if steering is None and len(runs) == 1:
                     continue
                 motion = Phases(drive, (phases[-1],))
@@ -272,39 +331,20 @@ class Optimizer:
             return None
         return Phases(drive, tuple(phases))
 
-
-def is_far(motion: Phases, limits: Limits, world: CollisionWorld) -> bool:
-    """Whether obstacles are so far from a motion with stops that it may be optimized without them."""
-    return float(world.clearance(cruising(motion, limits).pose).min()) > _FAR
-
-
-def _slowed_by(motion: Flowing, slower: float) -> Flowing:
-    scaled = motion.coefficients / slower ** np.arange(3.0)[:, None]
-    scaled[..., : 1 if motion.curves else None] /= slower
-    return replace(motion, time=motion.time * slower, coefficients=scaled)
+    def _finished(self, motion: Phases) -> Phases:
+        """Retimed where jerk is limited; else steering rounded off where its rate jumps."""
+        robot = self.problem.robot
+        if self._is_jerk_limited or self._coordinates != "car" or not robot.drive.rolling_law().steered.any():
+            return hastened(motion, robot.limits, partial(self.is_over, 0.0))
+        return rounded(motion, robot.limits, self.problem.options.sample_period)
 
 
-def _knots(motion: Phases, limits: Limits, spacing: float) -> int:
-    if any(isinstance(phase, Driven) for phase in motion.phases):
-        time, poses = flowing_time(motion, limits), cruising(motion, limits).pose
-    else:
-        time = motion.duration
-        poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
-    wanted = max(time / _INTERVAL, _way(poses) / spacing)
-    most = math.ceil(wanted) if math.isfinite(spacing) else _KNOTS[-1]
-    return next((n for n in _KNOTS if wanted <= n), most)
-
-
-def _halved(values: Array) -> Array:
-    """Values (n, …) with the means of neighbours between them."""
+def _between(values: Array, shares: Array) -> Array:
+    """Values (n + 1, …) with others between them, at shares (n,) of the steps from one to the next."""
     fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
-    fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
+    fine[::2] = values
+    fine[1::2] = values[:-1] + (shares * np.diff(values, axis=0).T).T
     return fine
-
-
-def _way(pose: Array) -> float:
-    """Way (m) of the body origin along poses (n, 3)."""
-    return float(np.hypot(*np.diff(pose[:, :2], axis=0).T).sum())
 
 
 def _excess(motion: Phases, knots: Array, limits: Limits) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,8 +27,8 @@ __all__ = ["Plan", "plan"]
 
 _HEADINGS = 16
 _SAME = 1e-9
-_SLOWER = (1.2, 1.5, 2.0, 3.0)
-"""By how much a motion is slowed, tried in turn, where none passes its check."""
+_SLOWER, _SLOWED = (1.0, 1.2, 1.5, 2.0, 3.0), 8
+"""By how much motions are slowed, tried in turn, where none passes its check, and how many of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +60,7 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
     local = connector(robot, world, options)
     watch.lap("prepare")
     best: Plan | None = None
-    refused: tuple[Candidate, AuditFailed] | None = None
+    refused: list[tuple[Candidate, AuditFailed]] = []
     for found in candidates(problem, local, goals, watch):
         for candidate in found:
             if best is not None and candidate.timed.duration >= best.duration:
@@ -67,15 +68,14 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
             try:
                 best = _certified(problem, world, local, candidate, watch)
             except AuditFailed as failure:
-                refused = refused or (candidate, failure)
+                refused.append((candidate, failure))
             else:
                 if improved is not None and options.effort == "best":
                     improved(best)
         if options.effort != "best" and best is not None and best.planning["optimized"]:
             break
     if best is None:
-        assert refused is not None
-        best = _slower(problem, world, local, *refused, watch)
+        best = _slower(problem, world, local, refused, watch)
     return replace(best, planning=best.planning | _planning(problem, watch))
 
 
@@ -83,17 +83,17 @@ def _slower(
     problem: Problem,
     world: CollisionWorld,
     local: Connector,
-    candidate: Candidate,
-    refused: AuditFailed,
+    refused: list[tuple[Candidate, AuditFailed]],
     watch: Stopwatch,
 ) -> Plan:
-    """A motion that was refused, slower: where samples are far apart, less happens between them. Raises what
-    it was refused for."""
-    for by in _SLOWER:
-        slower = replace(candidate, timed=candidate.timed.slowed(by))
+    """One of the motions that were refused, slower: where samples are far apart, less happens between them.
+    Raises what the first was refused for."""
+    fastest = sorted({each.timed.duration: each for each, _ in refused}.items())[:_SLOWED]
+    for by, (_, candidate) in itertools.product(_SLOWER, fastest):
+        slower = replace(candidate, timed=candidate.timed.slowed(by, problem.options.sample_period))
         with suppress(AuditFailed):
             return _certified(problem, world, local, slower, watch)
-    raise refused
+    raise refused[0][1]
 
 
 def _certified(

@@ -9,7 +9,7 @@ import numpy as np
 
 from drives.se2 import Array
 
-__all__ = ["Trajectory", "WheelSchedule", "schedule", "standstill"]
+__all__ = ["Trajectory", "WheelSchedule", "sample_times", "schedule", "standstill"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,11 @@ class Trajectory(Protocol):
 
 def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
     """The trajectory at 0, period, 2 period, …, duration."""
-    duration = trajectory.duration
+    return _frozen(trajectory.sample(sample_times(trajectory.duration, period)))
+
+
+def sample_times(duration: float, period: float) -> Array:
+    """0, period, 2 period, …, duration."""
     steps = int(np.floor(duration / period * (1 + 1e-12)))
     time = np.arange(steps + 1, dtype=np.float64) * period
     # A last step so short that its differences are rounding is left out.
@@ -52,7 +56,7 @@ def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
         time = np.append(time, duration)
     else:
         time[-1] = duration
-    return _frozen(trajectory.sample(time))
+    return time
 
 
 def standstill(pose: Array, wheels: int, steering: Array) -> WheelSchedule:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -44,15 +44,15 @@ class Phases:
     def duration(self) -> float:
         return math.fsum(phase.duration for phase in self.phases)
 
-    def slowed(self, by: float) -> Phases:
-        """The same motion in `by` times the time."""
-        law = np.array([[0.0], [1 / by], [0.0], [0.0]])
-        return Phases(
-            self.drive,
-            tuple(
-                Warped(phase, Profile(np.array([0.0, by * phase.duration]), *law)) for phase in self.phases
-            ),
-        )
+    def slowed(self, by: float, period: float) -> Phases:
+        """The same motion in `by` times the time and a little more, so that every phase takes whole periods
+        (s)."""
+        phases = []
+        for phase in self.phases:
+            duration = math.ceil(by * phase.duration / period) * period
+            law = np.array([[0.0], [phase.duration / duration], [0.0], [0.0]])
+            phases.append(Warped(phase, Profile(np.array([0.0, duration]), *law)))
+        return Phases(self.drive, tuple(phases))
 
     def sample(self, time: Array) -> WheelSchedule:
         """The motion at times (n,), which must increase within [0, duration]."""
@@ -91,7 +91,9 @@ class Steer:
         rate = (self.after - self.before) / self.duration
         out.wheel_angle[rows] = angle
         out.steering_angle[rows] = self.before + np.multiply.outer(time, rate)
-        out.steering_rate[rows] = rate
+        # Where it jumps the rate is that of the motion before or after, which turns while it drives.
+        inside = (time > 1e-9 * self.duration) & (time < (1 - 1e-9) * self.duration)
+        out.steering_rate[rows] = np.multiply.outer(inside, rate)
         out.pose[rows] = self.pose
         return angle
 
@@ -204,8 +206,8 @@ _GAUSS_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18
 class Flowing:
     """A motion whose coordinates are polynomials in time between knots. A phase is one from rest to rest.
 
-    time (n + 1,) s, from 0; coefficients (n, 3, c): over interval i the coordinates are coefficients[i] ·
-    (1, u, u²), u = t - time[i]. Coordinates: (vx, vy, omega) the twist; (v, omega); or, where `curves`,
+    time (n + 1,) s, from 0; coefficients (n, d, c): over interval i the coordinates are coefficients[i] ·
+    (1, u, u², …), u = t - time[i]. Coordinates: (vx, vy, omega) the twist; (v, omega); or, where `curves`,
     (v, curvature 1/m), which leaves the steering of a car defined at rest. start: the pose it begins at;
     steering (k,): where steered wheels stand before, None: as the motion needs.
     """
@@ -251,6 +253,12 @@ class Flowing:
         end: Array = turned[-1]
         return end
 
+    def slowed(self, by: float) -> Flowing:
+        """The same way in `by` times the time."""
+        scaled = self.coefficients / by ** np.arange(float(self.coefficients.shape[1]))[:, None]
+        scaled[..., : 1 if self.curves else None] /= by
+        return replace(self, time=self.time * by, coefficients=scaled)
+
     def poses(self, time: Array) -> Array:
         """Poses (n, 3) at increasing times (n,)."""
         knots, here = sampling.union(self.time, time)
@@ -260,8 +268,10 @@ class Flowing:
     def _at(self, t: Array) -> tuple[Array, Array]:
         """Coordinates and their rates (n, c) at times t (n,)."""
         i, u = self._interval(t)
-        c = self.coefficients[i]
-        return c[:, 0] + u * (c[:, 1] + u * c[:, 2]), c[:, 1] + 2 * u * c[:, 2]
+        value = rate = np.zeros((len(t), self.coefficients.shape[2]))
+        for c in reversed(self.coefficients.swapaxes(0, 1)):
+            value, rate = c[i] + u * value, value + u * rate
+        return value, rate
 
     def _interval(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 2)
@@ -289,9 +299,10 @@ class Flowing:
         c = self.coefficients
         if self.curves:
             v, k = c[..., 0], c[..., 1]
-            omega = np.zeros((len(c), 5))
-            for a in range(3):
-                for b in range(3):
+            degrees = range(c.shape[1])
+            omega = np.zeros((len(c), 2 * len(degrees) - 1))
+            for a in degrees:
+                for b in degrees:
                     omega[:, a + b] += v[:, a] * k[:, b]
         else:
             omega = c[..., -1]

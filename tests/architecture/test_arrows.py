@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-MAKERS = ("time_law", "trajectory", "optimize", "optimal_control", "corridor", "path", "search", "shorten",
-          "connect", "roadmap", "estimate", "plan")  # fmt: skip
+MAKERS = ("time_law", "trajectory", "rounding", "optimize", "optimal_control", "corridor", "path", "search",
+          "shorten", "connect", "roadmap", "estimate", "plan")  # fmt: skip
 ROOMS = ("drives", "planner", "api")
 SOURCES = {
     ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file

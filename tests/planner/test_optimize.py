@@ -14,7 +14,7 @@ from drives import Ackermann, Differential, Mecanum, Swerve, Synchro, Tricycle
 from drives.drive import Drive, Limits
 from drives.se2 import Pose
 from drives.wheel import Module
-from planner.corridor import half_planes
+from planner.corridor import cover, half_planes, hull
 from planner.environment import CollisionWorld
 from planner.plan import Plan, plan
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Polygon, Problem, Robot
@@ -53,7 +53,13 @@ def test_a_good_plan_on_open_floor_does_not_stop_and_is_faster_than_the_first(dr
 
 @pytest.mark.parametrize(
     ("kind", "draw", "stops", "ratio"),
-    [("tricycle", 21, 1, 1.15), ("tricycle", 22, 0, 1.15), ("ackermann", 7, 1, 1.15), ("omni", 17, 0, 1.05)],
+    [
+        ("tricycle", 21, 1, 1.15),
+        ("tricycle", 22, 0, 1.15),
+        ("ackermann", 7, 1, 1.15),
+        ("omni", 17, 0, 1.05),
+        ("swedish", 2, 0, 1.15),  # its way is narrower than a disc over the footprint
+    ],
 )
 def test_a_good_plan_in_clutter_stops_only_at_cusps(kind: str, draw: int, stops: int, ratio: float) -> None:
     """Where the first answer of the optimizer hits something, or direct ways turn back."""
@@ -160,7 +166,8 @@ def test_half_planes_of_a_disc_before_a_wall_say_how_near_it_may_come() -> None:
     wall = Polygon(np.array([[1.0, -5.0], [2.0, -5.0], [2.0, 5.0], [1.0, 5.0]]))
     disc = Footprint(np.zeros((1, 2)), 0.2)
     world = CollisionWorld.build(replace(OPEN, obstacles=(wall,)), disc, 0.1)
-    plane, _ = half_planes(world.kernel, np.array([[0.4, 0.3, math.pi / 3]]), False, 0.005)[0]
+    pose = np.array([[0.4, 0.3, math.pi / 3]])
+    plane, _ = half_planes(world.kernel, disc.vertices, 0.0, pose, False, 0.005)[0]
     assert plane[:2] == pytest.approx([-1.0, 0.0], abs=1e-12)
     # n·point >= d: x <= 1 - radius - clearance, less a little to spare.
     assert -0.71 < plane[4] < -0.69
@@ -170,5 +177,38 @@ def test_half_planes_that_a_pose_does_not_keep_to_are_moved_to_where_it_does() -
     wall = Polygon(np.array([[1.0, -5.0], [2.0, -5.0], [2.0, 5.0], [1.0, 5.0]]))
     world = CollisionWorld.build(replace(OPEN, obstacles=(wall,)), SQUARE)
     pose = np.array([[0.695, 0.0, 0.0]])
-    for nx, ny, x, y, d in half_planes(world.kernel, pose, True, 0.005)[0]:
-        assert nx * (pose[0, 0] + x) + ny * (pose[0, 1] + y) >= d
+    for corners, radius in ((SQUARE.vertices, 0.0), (np.zeros((1, 2)), 0.4)):
+        for nx, ny, x, y, d in half_planes(world.kernel, corners, radius, pose, True, 0.02)[0]:
+            assert nx * (pose[0, 0] + x) + ny * (pose[0, 1] + y) >= d
+    first = half_planes(world.kernel, SQUARE.vertices, 0.0, pose, False, 0.02)[0, 0]
+    assert first[:2] @ (pose[0, :2] + first[2:4]) < first[4]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_poses_that_keep_to_half_planes_keep_clear_of_what_is_nearest(seed: int) -> None:
+    """The wedge turns and moves anywhere on the right side of its half-planes: it never touches the wall."""
+    random = np.random.default_rng(seed)
+    wedge = Footprint(np.array([[0.4, -0.1], [0.4, 0.1], [-0.3, 0.35], [-0.3, -0.35]]))
+    slope = Polygon(np.array([[1.0, -9.0], [3.0, 9.0], [9.0, 9.0], [9.0, -9.0]]))
+    world = CollisionWorld.build(replace(OPEN, obstacles=(slope,)), wedge)
+    pose = np.append(random.uniform([-0.5, -1.0], [0.9, 1.0]), random.uniform(-math.pi, math.pi))
+    if not world.is_free(Pose(*pose)):
+        return
+    corners = hull(wedge.vertices)
+    planes = half_planes(world.kernel, corners, 0.0, pose[None], True, 0.005)[0]
+    moved = pose + random.uniform(-0.5, 0.5, (4000, 3)) * [1.0, 1.0, 0.6]
+    c, s = np.cos(moved[:, 2]), np.sin(moved[:, 2])
+    keeps = np.ones(len(moved), bool)
+    for nx, ny, x, y, d in planes:
+        keeps &= nx * (moved[:, 0] + c * x - s * y) + ny * (moved[:, 1] + s * x + c * y) >= d
+    assert np.count_nonzero(keeps) > 100
+    assert world.clearance(moved[keeps]).min() > -1e-9
+
+
+def test_discs_cover_the_footprint() -> None:
+    for size in ((0.8, 0.5), (0.5, 2.0), (0.6, 0.6)):
+        corners = np.array([[0.1, 0.0], [0.1, 1.0], [1.1, 1.0], [1.1, 0.0]]) * size
+        centres, radius = cover(corners)
+        inside = np.random.default_rng(0).uniform(corners.min(0), corners.max(0), (2000, 2))
+        assert np.linalg.norm(inside[:, None] - centres, axis=2).min(1).max() <= radius
+        assert radius < 0.75 * np.hypot(*size)
