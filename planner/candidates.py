@@ -33,7 +33,7 @@ MAX_SAMPLES = 200_000
 MAX_WAY = 1e5
 """So is a motion on which the footprint moves farther, m: the certificate's check of it would take long."""
 
-_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (3, 4)
+_DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (8, 10)
 """Ways to the goal: direct ones; those found by search, and how many where all turn back."""
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
 _PATIENCE = 180
@@ -231,7 +231,9 @@ def _ways(
             if count and watch.is_over():
                 break
             shorter = (
-                _quick(path, local, search, watch) if options.effort == "first" else shorten(path, local)
+                _quick(path, local, search, watch)
+                if options.effort == "first"
+                else shorten(path, local, rough=waits)
             )
             watch.lap("shorten")
         try:
@@ -253,7 +255,7 @@ def _ways(
             break
         if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.
-            search.allowance = 2 * search.work + (_WORK if turns_back else 200)
+            search.allowance = 2 * search.work + _WORK
     if count == 0:
         raise refused or NoPathFound(
             f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried
@@ -262,11 +264,11 @@ def _ways(
 
 def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> Path:
     """A way found, shortened for effort first; where it is a detour, the best of it and a few others."""
-    path = shorten(found, quick, quick=True)
+    path = shorten(found, quick)
     crow = math.dist(path[0].start[:2], path[-1].end[:2])
     if sum(piece.length for piece in path) <= _DETOUR * crow:
         return path
-    others = [shorten(other, quick, quick=True) for other in search.others(watch.is_over)]
+    others = [shorten(other, quick) for other in search.others(watch.is_over)]
     return min([path, *others], key=quick.duration)
 
 

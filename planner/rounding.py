@@ -28,7 +28,7 @@ __all__ = ["rounded", "rounded_phase"]
 _ROUNDS, _EXACT = 5, 1e-7
 """How often the end is corrected, and the miss (m, rad) that needs no more of it."""
 _TRIES, _FASTER = 3, 1e-4
-"""How often it is slowed down, and by what share wheels may be too fast."""
+"""How often it is slowed down, and the least share that is worth it."""
 _APART = 1e-6
 """Share of the sample period that samples are apart at least."""
 _SMALL = 1e-8
@@ -37,7 +37,7 @@ _SMALL = 1e-8
 
 def rounded(motion: Phases, limits: Limits, period: float) -> Phases:
     """A car's motion with its steering rounded off; slower, by next to nothing, where wheels would be too
-    fast. period s: of the samples."""
+    fast or too much accelerated. period s: of the samples."""
     for _ in range(_TRIES):
         samples, begin = sample_times(motion.duration, period), 0.0
         phases: list[Phase] = []
@@ -53,7 +53,11 @@ def rounded(motion: Phases, limits: Limits, period: float) -> Phases:
         # At the samples, and in the mean between them.
         step = np.maximum(np.diff(samples), 1e-3 * period)[:, None]
         rates = np.concatenate([sampled.wheel_velocity, np.diff(sampled.wheel_angle, axis=0) / step])
-        share = float((np.abs(rates) / limits.wheel_speed).max())
+        pushes = np.concatenate([sampled.wheel_acceleration, np.diff(sampled.wheel_velocity, axis=0) / step])
+        share = max(
+            float((np.abs(rates) / limits.wheel_speed).max()),
+            math.sqrt(float((np.abs(pushes) / limits.wheel_acceleration).max())),
+        )
         if share <= 1 + _FASTER:
             break
         slower = (phase.slowed(share) if isinstance(phase, Flowing) else phase for phase in motion.phases)

@@ -120,6 +120,10 @@ class Search:
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
             work *= 2**again
+            more = found and self.allowance is not None
+            if more and not guided:
+                # Other ways are found by chance, at once, rather than by patience.
+                name, work, _ = _TURNS[0]
             if self.allowance is not None:
                 work = min(work, self.allowance - self.work)
             goal = self.goals[turn % len(self.goals)]
@@ -132,7 +136,7 @@ class Search:
             if path is not None:
                 name = _ROADMAP
             else:
-                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, near=turn == 1)
+                path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, turn == 1 or more)
             if path is not None:
                 found = True
                 yield name, path

@@ -17,7 +17,7 @@ from planner.tree import kernel
 
 __all__ = ["shorten"]
 
-_QUICK, _THOROUGH = (24, 2), (48, 4)
+_POSES, _ROUGH, _WAYS = 24, 16, 2
 """How many poses along a path shortcuts begin and end at, and how many ways of joining two are tried."""
 _ROUNDS = (0.0, 0.0, 0.2, 0.05)
 """Where these poses are, round by round: evenly all along, or, where this is not 0, at the joints of the
@@ -28,18 +28,18 @@ _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
 
 
-def shorten(path: Path, connector: Connector, quick: bool = False) -> Path:
+def shorten(path: Path, connector: Connector, rough: bool = False) -> Path:
     """The quickest path, by estimate, that joins some of the poses along the given one by the connector's
-    motions. quick: a millisecond's worth of it.
+    motions. rough: in half the time, for a way that is optimized or dropped.
 
     Start and end stay, the end's heading up to whole turns. The result is free if the path is.
     """
-    count, ways = _QUICK if quick else _THOROUGH
+    count = _ROUGH if rough else _POSES
     start, steps, straight = as_steps(path)
     # A base that need not head where it goes may also pass poses turned.
     turns = connector.flows and not connector.steers
     shorter = _shortened(
-        connector.world.kernel, connector.law, start[0], steps, count, connector.ways(ways), turns,
+        connector.world.kernel, connector.law, start[0], steps, count, connector.ways(_WAYS), turns,
         connector.fast_directions if turns else np.zeros(0),
     )  # fmt: skip
     return as_path(start[0], shorter, straight)

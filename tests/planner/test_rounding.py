@@ -85,7 +85,8 @@ def test_wheels_at_their_fastest_are_not_made_faster(kind: str) -> None:
     problem, motion = zigzag(kind, 6, 0.007)
     drive, limits = problem.robot.drive, problem.robot.limits
     as_it_was = schedule(Phases(drive, (motion,)), PERIOD)
-    limits = replace(limits, wheel_speed=np.abs(as_it_was.wheel_velocity).max(0))
+    fastest = np.abs(as_it_was.wheel_velocity).max(0)
+    limits = replace(limits, wheel_speed=fastest, wheel_acceleration=1e3 * fastest)
     made = rounded(Phases(drive, (motion,)), limits, PERIOD)
     after = schedule(made, PERIOD)
     mean = np.diff(after.wheel_angle, axis=0) / np.diff(after.time)[:, None]
@@ -93,6 +94,16 @@ def test_wheels_at_their_fastest_are_not_made_faster(kind: str) -> None:
         assert (np.abs(rate) <= limits.wheel_speed * (1 + 2e-4)).all()
     assert made.duration <= motion.duration * (1 + 5e-3)
     assert np.abs(roll(problem, after).pose[-1] - motion.poses(motion.time)[-1]).max() < 1e-5
+
+
+def test_wheels_are_not_accelerated_more_than_they_may() -> None:
+    problem, motion = zigzag("ackermann", 6, 0.007)
+    drive, limits = problem.robot.drive, problem.robot.limits
+    as_it_was = schedule(Phases(drive, (motion,)), PERIOD)
+    most = 0.98 * np.abs(as_it_was.wheel_acceleration).max(0)
+    limits = replace(limits, wheel_speed=np.full(len(most), np.inf), wheel_acceleration=most)
+    after = schedule(rounded(Phases(drive, (motion,)), limits, PERIOD), PERIOD)
+    assert (np.abs(after.wheel_acceleration) <= most * (1 + 5e-4)).all()
 
 
 def test_a_straight_motion_is_left_as_it_is() -> None:

@@ -60,7 +60,7 @@ def test_on_an_open_floor_nothing_is_left_of_a_detour(
     path = by_way_of(asked, *poses)
     straight = asked.connect(Pose(*poses[0]), Pose(*poses[-1]))
     assert straight is not None
-    shorter = shorten(path, asked, quick=effort == "first")
+    shorter = shorten(path, asked, rough=effort == "good")
     assert asked.duration(shorter) <= asked.duration(straight) + 1e-6
 
 
@@ -74,28 +74,28 @@ START, GOAL = (4.0, 2.0, 0.0), (36.0, 2.0, 0.0)
 OVER = ((8.0, 8.5, 1.0), (20.0, 9.0, 0.0), (30.0, 8.5, -0.5))
 
 
-@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("rough", [True, False])
 @pytest.mark.parametrize("kind", KINDS[1:])  # mecanum bases are slow across, and go round for it
 def test_round_a_wall_the_way_is_hardly_longer_than_a_taut_rope(
-    robot: Callable[..., Robot], kind: str, quick: bool
+    robot: Callable[..., Robot], kind: str, rough: bool
 ) -> None:
     asked = local(robot(kind), walled(), "first")
     path = by_way_of(asked, START, *OVER, GOAL)
     rope = 2 * math.dist(START[:2], (19.0, 6.0)) + 2.0
-    shorter = shorten(path, asked, quick)
+    shorter = shorten(path, asked, rough)
     assert length(path) > 1.1 * rope
     assert rope <= length(shorter) < 1.05 * rope
 
 
-@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("rough", [True, False])
 @pytest.mark.parametrize("effort", EFFORTS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_free_no_slower_and_joins_the_same_poses(
-    robot: Callable[..., Robot], kind: str, effort: str, quick: bool
+    robot: Callable[..., Robot], kind: str, effort: str, rough: bool
 ) -> None:
     asked = local(robot(kind), walled(), effort)
     path = by_way_of(asked, START, *OVER, GOAL)
-    shorter = shorten(path, asked, quick)
+    shorter = shorten(path, asked, rough)
     assert is_path_free(asked.world, shorter)
     assert asked.duration(shorter) <= asked.duration(path) + 1e-9
     assert shorter[0].start == pytest.approx(path[0].start)
@@ -103,4 +103,4 @@ def test_it_is_free_no_slower_and_joins_the_same_poses(
     assert wrap(shorter[-1].end.theta - path[-1].end.theta) == pytest.approx(0.0, abs=1e-6)
     for piece, after in itertools.pairwise(shorter):
         assert after.start == pytest.approx(piece.end, abs=1e-6)
-    assert shorten(path, asked, quick) == shorter
+    assert shorten(path, asked, rough) == shorter
