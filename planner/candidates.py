@@ -40,7 +40,7 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
-_DETOUR = 1.3
+_DETOUR = 1.5
 """At effort first, how much longer than the crow flies a way is where others are looked for."""
 _OVER, _HOPE = 1.05, 0.97
 """A motion is expected to exceed its flowing time as the best so far does, by the first factor at most; by
