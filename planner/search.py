@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -25,7 +26,7 @@ from planner.curves import SEGMENTS
 from planner.edges import LINE, joined
 from planner.guide import Guide
 from planner.path import Path, as_path
-from planner.problem import Environment
+from planner.problem import Environment, MapLayer
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
 
@@ -278,7 +279,7 @@ def _area(environment: Environment) -> Area:
     layer, bounds = environment.map, environment.bounds
     box = (-math.inf, -math.inf, math.inf, math.inf)
     if layer is not None:
-        height, width = np.load(layer.directory / "cells.npy", mmap_mode="r").shape
+        height, width = _size(layer)
         right, top = width * layer.resolution, height * layer.resolution
         corners = [compose(layer.origin, Pose(x, y, 0.0)) for x in (0.0, right) for y in (0.0, top)]
         xs, ys = [c.x for c in corners], [c.y for c in corners]
@@ -291,6 +292,13 @@ def _area(environment: Environment) -> Area:
         min(box[2], bounds.x_max),
         min(box[3], bounds.y_max),
     )
+
+
+@lru_cache(maxsize=8)
+def _size(layer: MapLayer) -> tuple[int, int]:
+    """Rows and columns."""
+    height, width = np.load(layer.directory / "cells.npy", mmap_mode="r").shape
+    return height, width
 
 
 def _bounds(*axes: tuple[float, float]) -> Any:
