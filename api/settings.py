@@ -57,7 +57,7 @@ class Settings:
         2 << 30
     )
     queue_length: Annotated[int, "plans that may wait for a worker before new ones are refused"] = field(
-        default_factory=lambda: 8 * _cores()
+        default_factory=lambda: 16 * _cores()
     )
     queue_timeout: Annotated[float, "how long a plan may wait for a worker, s"] = 10.0
     max_time_budget: Annotated[float, "the largest time_budget a client may ask for, s"] = 30.0
