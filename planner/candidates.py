@@ -258,7 +258,9 @@ def _ways(
             search.allowance = 2 * search.work + _WORK
     if count == 0:
         raise refused or NoPathFound(
-            f"the time budget of {options.time_budget:g} s ended before a path was found", tried=search.tried
+            f"the time budget of {options.time_budget:g} s ended before a path was found",
+            search.tried,
+            search.nearest,
         )
 
 

@@ -86,12 +86,14 @@ class NoPathExists(PlanningError):
 
 
 class NoPathFound(PlanningError):
-    """`tried` says what was."""
+    """`tried` says what was; `nearest` is the pose nearest to the goal that a search came to, if any."""
 
     code = "no-path-found"
 
-    def __init__(self, message: str, tried: list[dict[str, Any]]) -> None:
-        super().__init__(message, tried=tried)
+    def __init__(
+        self, message: str, tried: list[dict[str, Any]], nearest: dict[str, float] | None = None
+    ) -> None:
+        super().__init__(message, tried=tried, **({} if nearest is None else {"nearest": nearest}))
 
 
 class LimitsInfeasible(PlanningError):

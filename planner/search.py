@@ -113,6 +113,8 @@ class Search:
         """How many may be checked in all, None: as many as time allows."""
         self.tried: list[dict[str, Any]] = []
         """What was tried: planner, seed, motions checked and outcome of every turn."""
+        self.nearest: dict[str, float] | None = None
+        """The pose (m, rad) that a search in vain came to and that is least far, distance m, from a goal."""
 
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
@@ -179,6 +181,11 @@ class Search:
         """Whether headings follow the route: those that need not do so by turns."""
         return self.connector.steers or turn % 2 == 1
 
+    def _note(self, x: float, y: float, theta: float) -> None:
+        distance = min(math.dist((x, y), goal[:2]) for goal in self.goals)
+        if self.nearest is None or distance < self.nearest["distance"]:
+            self.nearest = {"x": x, "y": y, "theta": theta, "distance": distance}
+
     def _near(self) -> Area:
         """The area round start and goals, or what there is of it."""
         ends = np.array([self.start, *self.goals])[:, :2]
@@ -244,6 +251,10 @@ class Search:
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
         self._tell(name, route is not None, seed, validator.count, exact)
+        if not exact and definition.hasApproximateSolution():
+            state = definition.getSolutionPath().getStates()[-1]
+            at = state.getX(), state.getY(), state.getYaw()
+            self._note(*(at if pose is None else pose(*at)))
         return self._rebuild(definition.getSolutionPath().getStates(), validator) if exact else None
 
     def _space(self, area: Area) -> Any:

@@ -160,6 +160,9 @@ def test_a_corner_too_tight_to_turn_in_is_not_found_and_says_what_was_tried(ask:
     assert "1.5 s" in error.message
     assert len(error.details["tried"]) > 0
     assert all(turn["outcome"] != "solved" for turn in error.details["tried"])
+    nearest = error.details["nearest"]
+    assert nearest["distance"] == pytest.approx(math.hypot(nearest["x"], nearest["y"] - 2.5))
+    assert 0.0 < nearest["distance"] < math.hypot(2.5, 2.5)
 
 
 @pytest.mark.parametrize("kind", ["mecanum", "differential"])
