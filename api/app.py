@@ -14,6 +14,7 @@ import anyio
 import numpy as np
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
+from fastapi.routing import APIRoute
 from fastapi_offline import FastAPIOffline
 from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
@@ -37,7 +38,7 @@ from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
 from api.maps import MapStore
 from api.metrics import Metrics
-from api.middleware import PROBES, Envelope
+from api.middleware import PROBES, Envelope, Gate
 from api.planning import answer_plan
 from api.scheduler import Scheduler, local_pool
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
@@ -102,6 +103,8 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)
+    (plans,) = (route for route in routes_plans.router.routes if isinstance(route, APIRoute))
+    app.add_middleware(Gate, route=plans, scheduler=workers, metrics=app.state.metrics)
     if settings.tokens_file is not None:
         app.add_middleware(Guard, tokens=Tokens(settings.tokens_file))
     app.add_middleware(Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout)

@@ -70,8 +70,6 @@ async def create_plan(
     """
     state, settings = request.app.state, settings_of(request)
     _wanted(request, format)
-    with _refusals_counted(state):
-        state.pool.admit()  # before anything is read: under a flood, refusing has to be cheap
     asked = await read_model(request, PlanRequest)
     problem = await anyio.to_thread.run_sync(to_problem, asked, find_map, settings.max_time_budget)
     wanted = _wanted(request, format, problem.robot.drive.kind)

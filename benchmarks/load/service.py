@@ -7,9 +7,11 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib import request
 
 __all__ = ["Service", "running"]
@@ -20,15 +22,15 @@ _HTTP = request.build_opener(request.ProxyHandler({}))
 class Service:
     """A service that is ready."""
 
-    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], log: Path) -> None:
         self.process = process
-        assert process.stderr is not None
-        line: dict[str, object] = {}
-        port: object = None
-        while line.get("event") != "ready":
-            line = json.loads(process.stderr.readline())
-            port = line.get("port", port)
-        self.port = int(str(port))
+        events: dict[str, Any] = {}
+        while "ready" not in events:
+            time.sleep(0.1)
+            assert process.poll() is None, log.read_text()
+            whole = log.read_bytes().rpartition(b"\n")[0].splitlines()
+            events = {line["event"]: line for line in map(json.loads, whole) if "event" in line}
+        self.port = int(events["listening"]["port"])
         with _HTTP.open(f"http://127.0.0.1:{self.port}/v1/limits") as answer:
             limits = json.load(answer)
         self.workers, self.queue_length = int(limits["workers"]), int(limits["queue_length"])
@@ -56,22 +58,17 @@ class Service:
 def running(workers: int | None) -> Iterator[Service]:
     """Starts a service, and stops it in the end."""
     given = {} if workers is None else {"WHEELPLAN_WORKERS": str(workers)}
-    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as rest:
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
         command = [sys.executable, "-m", "api.cli", "serve", "--host", "127.0.0.1", "--port", "0"]
         environment = {**os.environ, "WHEELPLAN_DATA_DIR": folder, **given}
-        process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE)
-        assert process.stderr is not None
-        drain = None
+        with log.open("wb") as lines:  # not a pipe: whoever reads it takes of the processors
+            process = subprocess.Popen(command, env=environment, stderr=lines)
         try:
-            service = Service(process)
-            # Nobody reads its log from here on, and it must not wait for somebody to.
-            drain = subprocess.Popen(["cat"], stdin=process.stderr, stdout=rest)
-            yield service
+            yield Service(process, log)
         finally:
             process.terminate()
             process.wait(60)
-            if drain is not None:
-                drain.wait()
 
 
 def _resident(pid: int) -> float:
