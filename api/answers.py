@@ -185,7 +185,8 @@ class LimitsAnswer(BaseModel):
         "Smallest and largest sample_period", "s", example=[0.001, 0.1], min_length=2, max_length=2
     )
     workers: int = amount("Plans made at once", "plans", example=4)
-    queue_length: int = amount("Plans that may wait", "plans", example=32)
+    queue_length: int = amount("Plans that may wait", "plans", example=256)
+    queue_wait: float = amount("Expected wait beyond which plans are refused", "s", example=1.0)
     queue_timeout: float = amount("How long a plan may wait", "s", example=10.0)
     receive_timeout: float = amount(
         "How long a request may take to arrive; large bodies longer", "s", example=8.0

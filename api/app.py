@@ -40,11 +40,12 @@ from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import PROBES, Envelope, Gate
 from api.planning import answer_plan
-from api.scheduler import Scheduler, local_pool
+from api.scheduler import Scheduler
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
 from api.tokens import Guard, Tokens
 from api.validation import validated
+from api.workers import local_pool
 from drives.se2 import Pose
 from planner.environment import check_simple_polygon, prepare_map
 from planner.errors import PlanningError
@@ -126,7 +127,7 @@ def scheduler_of(settings: Settings) -> Scheduler:
         from api.cluster import Cluster  # takes long to import
     except ImportError as error:
         raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
-    return Cluster(address, settings.queue_length, settings.queue_timeout)
+    return Cluster(address, settings.queue_length, settings.queue_wait, settings.queue_timeout)
 
 
 def _warm_up() -> None:

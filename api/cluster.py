@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import pickle
+import time
 import uuid
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -20,8 +21,8 @@ from distributed.scheduler import KilledWorker
 
 from api.errors import Refusal
 from api.log import log
+from api.scheduler import RETRY_AFTER, Loss, Scheduler
 from api.supervisor import NAME, Supervisor, carry, reported
-from api.workers import Loss
 
 __all__ = ["Cluster"]
 
@@ -34,31 +35,19 @@ _SILENCE = 5.0
 _TRAVEL = 10.0
 """What a job may take beyond its deadline: to travel, and to begin anew where its Dask worker is lost, s."""
 
-_RETRY_AFTER = 1
-
 _LOSSES: dict[str, Loss] = {"deadline-exceeded": "deadline", "worker-crashed": "crashed"}
 
 
-class Cluster:
-    """The scheduler on a Dask cluster; see `api.scheduler.Scheduler`.
+class Cluster(Scheduler):
+    """The processes of a Dask cluster, for all servers that use it. `address`: of the Dask scheduler, as
+    tcp://host:port."""
 
-    address        of the Dask scheduler, as tcp://host:port
-    queue_length   jobs that may wait for a process
-    queue_timeout  s; no job waits longer
-    """
-
-    def __init__(self, address: str, queue_length: int, queue_timeout: float) -> None:
+    def __init__(self, address: str, queue_length: int, queue_wait: float, queue_timeout: float) -> None:
+        super().__init__(0, queue_length, queue_wait, queue_timeout)
         self.address = address
-        self.queue_length = queue_length
-        self.queue_timeout = queue_timeout
-        self.shed = 0
-        self.restarts = 0
-        self.losses: Counter[Loss] = Counter()
-        self.draining = False
         self._stopped = False
         self._client: Client | None = None
         self._connection: asyncio.Task[None] | None = None
-        self._size = 0
         self._running = 0
         self._waiting: deque[asyncio.Future[None]] = deque()
         self._jobs: set[asyncio.Task[Any]] = set()
@@ -66,73 +55,53 @@ class Cluster:
 
     @property
     def trouble(self) -> str | None:
-        """Why a new client should go elsewhere; None: all is well."""
         if self.draining:
             return "The service is shutting down."
         if self._client is None:
             return "There is no connection to the cluster."
-        return None if self._size else "The cluster has no worker that is up."
+        return None if self.size else "The cluster has no worker that is up."
 
     @property
     def ready(self) -> bool:
-        """Whether jobs are taken."""
         return self.trouble is None
 
     @property
     def live(self) -> int:
-        """Planning processes that the cluster has, for all servers that use it."""
-        return self._size
+        return self.size
 
     @property
-    def queued(self) -> int:
-        """Jobs that wait here."""
-        return len(self._waiting)
-
-    @property
-    def spare(self) -> int:
-        """Processes that no job of ours is for."""
-        return max(0, self._size - self._running - len(self._waiting))
+    def outstanding(self) -> int:
+        return self._running + len(self._waiting)
 
     def start(self) -> None:
-        """Begins to connect."""
         self._connection = asyncio.create_task(self._connect())
 
-    async def run(
+    async def _run(
         self,
         function: Callable[..., Any],
-        *args: Any,
+        args: tuple[Any, ...],
         deadline: float,
-        progress: Callable[[Any], None] | None = None,
+        progress: Callable[[Any], None] | None,
+        learn: bool,
     ) -> Any:
-        """See `api.scheduler.Scheduler.run`."""
-        self.admit()
-        job = asyncio.create_task(self._carry(pickle.dumps((function, args)), deadline, progress))
+        job = asyncio.create_task(self._carry(pickle.dumps((function, args)), deadline, progress, learn))
         self._jobs.add(job)
         try:
             return await job
         except asyncio.CancelledError:
             if self._stopped and job.cancelled():
-                raise Refusal("draining", "Stopped by a shutdown.", retry_after=_RETRY_AFTER) from None
+                raise Refusal("draining", "Stopped by a shutdown.", retry_after=RETRY_AFTER) from None
             raise
         finally:
             self._jobs.discard(job)
 
-    def admit(self) -> None:
-        """Raises Refusal where a job would not be taken at present: draining, overloaded."""
-        if trouble := self.trouble:
-            raise Refusal("draining", trouble, retry_after=_RETRY_AFTER)
-        if self._running >= self._size and self.queued >= self.queue_length:
-            raise self._overloaded(f"{self.queued} plans already wait for {self._size} workers.")
-
     async def drain(self, grace: float) -> None:
-        """Refuses new jobs, and waits up to `grace` s for those that have been taken."""
         self.draining = True
         if self._jobs:
             await asyncio.wait(self._jobs, timeout=grace)
         self._stop()
 
     async def close(self) -> None:
-        """Gives up every job, and the connection."""
         self.draining = True
         self._stop()
         if self._connection is not None:
@@ -171,13 +140,13 @@ class Cluster:
             await asyncio.sleep(_GLANCE)
 
     def _resize(self, size: int) -> None:
-        if size != self._size:
+        if size != self.size:
             log(event="cluster", workers=size)
-        self._size = size
+        self.size = size
         self._wake()
 
     def _wake(self) -> None:
-        while self._waiting and self._running < self._size:
+        while self._waiting and self._running < self.size:
             if not (next_ := self._waiting.popleft()).done():
                 self._running += 1
                 next_.set_result(None)
@@ -203,12 +172,11 @@ class Cluster:
         self._running -= 1
         self._wake()
 
-    def _overloaded(self, detail: str) -> Refusal:
-        self.shed += 1
-        return Refusal("overloaded", detail, retry_after=_RETRY_AFTER)
-
-    async def _carry(self, payload: bytes, deadline: float, progress: Callable[[Any], None] | None) -> Any:
+    async def _carry(
+        self, payload: bytes, deadline: float, progress: Callable[[Any], None] | None, learn: bool
+    ) -> Any:
         await self._take_turn()
+        began = time.monotonic()
         try:
             return await self._have_done(payload, deadline, progress)
         except Refusal as refusal:
@@ -219,6 +187,8 @@ class Cluster:
             self._count("cancelled")
             raise
         finally:
+            if learn:
+                self._took(time.monotonic() - began)
             self._end_turn()
 
     def _count(self, loss: Loss) -> None:
@@ -229,7 +199,7 @@ class Cluster:
         self, payload: bytes, deadline: float, progress: Callable[[Any], None] | None
     ) -> Any:
         if (client := self._client) is None:
-            raise Refusal("draining", "The connection to the cluster was lost.", retry_after=_RETRY_AFTER)
+            raise Refusal("draining", "The connection to the cluster was lost.", retry_after=RETRY_AFTER)
         key = f"{NAME}-{uuid.uuid4().hex}"
         listener = asyncio.create_task(self._listen(client, key, progress)) if progress else None
         future = client.submit(
@@ -244,7 +214,7 @@ class Cluster:
             raise Refusal("deadline-exceeded", detail) from None
         except FutureCancelledError:
             detail = "The connection to the cluster was lost."
-            raise Refusal("draining", detail, retry_after=_RETRY_AFTER) from None
+            raise Refusal("draining", detail, retry_after=RETRY_AFTER) from None
         except KilledWorker:
             detail = "Every worker of the cluster that began this plan died."
             raise Refusal("worker-crashed", detail) from None

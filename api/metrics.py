@@ -10,8 +10,7 @@ from prometheus_client.registry import Collector
 
 from api.batches import Batches
 from api.planning import Answer
-from api.scheduler import Scheduler
-from api.workers import LOSSES
+from api.scheduler import LOSSES, Scheduler
 from planner.problem import Problem
 
 __all__ = ["Metrics"]

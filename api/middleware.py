@@ -129,9 +129,9 @@ class _Body:
 
 
 class Gate:
-    """ASGI middleware: while no plan is taken, refuses requests to this route before anything is done for them.
+    """ASGI middleware: while no plan is taken, refuses requests to this route before they are routed or read.
 
-    What refusing costs, the workers lack: with the routing of FastAPI it would be twice as much.
+    What refusing costs, the workers lack.
     """
 
     def __init__(self, app: ASGIApp, route: Route, scheduler: Scheduler, metrics: Metrics) -> None:

@@ -49,8 +49,8 @@ async def limits(request: Request) -> Response:
     settings = settings_of(request)
     own = (
         "max_time_budget", "deadline_grace", "max_body_bytes", "max_map_bytes", "max_map_cells", "max_maps",
-        "max_store_bytes", "workers", "queue_length", "queue_timeout", "receive_timeout", "max_batches",
-        "max_batch_bytes", "batch_keep", "batch_store_bytes",
+        "max_store_bytes", "workers", "queue_length", "queue_wait", "queue_timeout", "receive_timeout",
+        "max_batches", "max_batch_bytes", "batch_keep", "batch_store_bytes",
     )  # fmt: skip
     return json_response(
         {name: getattr(settings, name) for name in own}

@@ -97,9 +97,14 @@ async def answered(
     """What function(problem, *args) answers in a worker; counted. Raises PlanningError and Refusal."""
     scheduler: Scheduler = state.pool
     metrics: Metrics = state.metrics
-    deadline = problem.options.time_budget + state.settings.deadline_grace
+    budget, effort = problem.options.time_budget, problem.options.effort
     with _refusals_counted(state):
-        answer: Answer = await scheduler.run(function, problem, *args, deadline=deadline, progress=progress)
+        answer: Answer = await scheduler.run(
+            function, problem, *args,
+            deadline=budget + state.settings.deadline_grace,
+            foreseen=budget if effort == "best" else None,
+            progress=progress,
+        )  # fmt: skip
     metrics.planned(problem, answer)
     return answer
 

@@ -57,9 +57,10 @@ class Settings:
         2 << 30
     )
     queue_length: Annotated[int, "plans that may wait for a worker before new ones are refused"] = field(
-        default_factory=lambda: 16 * _cores()
+        default_factory=lambda: 64 * _cores()
     )
-    queue_timeout: Annotated[float, "how long a plan may wait for a worker, s"] = 10.0
+    queue_wait: Annotated[float, "the wait for a worker beyond which new plans are refused, s"] = 1.0
+    queue_timeout: Annotated[float, "the longest that a plan waits for a worker, s"] = 10.0
     max_time_budget: Annotated[float, "the largest time_budget a client may ask for, s"] = 30.0
     deadline_grace: Annotated[float, "a plan is stopped this long after its time_budget has ended, s"] = 5.0
     drain_grace: Annotated[float, "how long plans in flight may take to finish at shutdown, s"] = 30.0

@@ -19,8 +19,8 @@ from distributed import Reschedule, Worker, WorkerPlugin, get_worker
 from api.convert import FindMap
 from api.errors import Refusal
 from api.maps import MapStore
-from api.scheduler import local_pool
 from api.settings import Settings
+from api.workers import local_pool
 from planner.problem import Problem
 
 __all__ = ["NAME", "Supervisor", "carry", "reported"]

@@ -12,30 +12,22 @@ import math
 import os
 import pickle
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from opentelemetry import trace
 
 from api.errors import Refusal
 from api.log import log
+from api.scheduler import RETRY_AFTER, Loss, Scheduler
+from api.settings import Settings
 from api.worker import Worker, report, stop_starting
 
-__all__ = ["LOSSES", "Loss", "Pool", "report"]
-
-Loss = Literal["deadline", "cancelled", "stopped", "memory", "crashed"]
-"""Why a worker is replaced: it overran a deadline; its caller left; it did not take a job; it came to its
-memory limit; it died."""
-
-LOSSES: tuple[Loss, ...] = ("deadline", "cancelled", "stopped", "memory", "crashed")
-
-_RETRY_AFTER = 1
-"""The least that a client who is turned away is told to wait, and what we wait before starting a worker again
-that did not start, s."""
+__all__ = ["Pool", "local_pool", "report"]
 
 _HAND_OVER = 1.0
 """A worker that does not take a job within this time (s) is as good as dead."""
@@ -52,6 +44,7 @@ class _Job:
     deadline: float
     answer: asyncio.Future[Any]
     progress: Callable[[Any], None] | None
+    learn: bool
     arrived: int
     taken: int = 0
 
@@ -60,12 +53,11 @@ class _Job:
             self.progress(value)
 
 
-class Pool:
-    """`size` workers, each doing one job at a time, and a queue of `queue_length` jobs in front of them.
+class Pool(Scheduler):
+    """`size` workers of this machine, each doing one job at a time.
 
-    preload         modules that a worker has imported when it is up
-    queue_timeout   s; no job waits longer for a worker
-    memory          what a worker may allocate, in bytes; 0: unlimited
+    preload  modules that a worker has imported when it is up
+    memory   what a worker may allocate, in bytes; 0: unlimited
     """
 
     def __init__(
@@ -74,16 +66,11 @@ class Pool:
         queue_length: int,
         preload: Sequence[str] = (),
         *,
+        queue_wait: float = 60.0,
         queue_timeout: float = 60.0,
         memory: int = 0,
     ) -> None:
-        self.size = size
-        self.queue_length = queue_length
-        self.queue_timeout = queue_timeout
-        self.shed = 0
-        self.restarts = 0
-        self.losses: Counter[Loss] = Counter()
-        self.draining = False
+        super().__init__(size, queue_length, queue_wait, queue_timeout)
         self._preload = list(preload)
         self._memory = memory
         self._threads = ThreadPoolExecutor(size, "worker-pipe")
@@ -95,13 +82,11 @@ class Pool:
         self._idle = 0
         self._starting = 0
         self._started = False
-        self._typical = 0.0
         self._crashes = 0
         self._last_crash = -math.inf
 
     @property
     def ready(self) -> bool:
-        """Whether jobs are taken: a worker has been up, and no shutdown has begun."""
         return self._started and not self.draining
 
     @property
@@ -111,7 +96,6 @@ class Pool:
 
     @property
     def trouble(self) -> str | None:
-        """Why a new client should go elsewhere; None: all is well."""
         if self.draining:
             return "The service is shutting down."
         if not self._started:
@@ -120,48 +104,29 @@ class Pool:
 
     @property
     def live(self) -> int:
-        """Workers that are up."""
         return len(self._workers)
 
     @property
-    def queued(self) -> int:
-        """Jobs that wait for a worker."""
-        return max(0, len(self._waiting) - self._idle)
-
-    @property
-    def spare(self) -> int:
-        """Idle workers that no queued job will take."""
-        return max(0, self._idle - len(self._waiting))
-
-    @property
-    def expected_wait(self) -> float:
-        """How long the jobs that wait will keep the workers (s), going by what jobs took of late."""
-        return self.queued * self._typical / self.size
+    def outstanding(self) -> int:
+        return len(self._waiting) + self.size - self._idle
 
     def start(self) -> None:
-        """Begins to start the workers; `ready` once the first is up."""
         for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ.setdefault(variable, "1")
         self._arrival = asyncio.get_running_loop().create_future()
         self._keepers = [asyncio.create_task(self._keep()) for _ in range(self.size)]
 
-    async def run(
+    async def _run(
         self,
         function: Callable[..., Any],
-        *args: Any,
+        args: tuple[Any, ...],
         deadline: float,
-        progress: Callable[[Any], None] | None = None,
+        progress: Callable[[Any], None] | None,
+        learn: bool,
     ) -> Any:
-        """What function(*args) returns or raises in a worker. The function is one of a module's.
-
-        deadline s from the moment a worker takes the job. progress is called, in the event loop, with each
-        value that the function hands to `report`. If the caller is cancelled, so is the job. Raises
-        Refusal: draining, overloaded, deadline-exceeded, worker-crashed.
-        """
-        self.admit()
         loop = asyncio.get_running_loop()
         payload = pickle.dumps((function, args, progress is not None))
-        job = _Job(payload, deadline, loop.create_future(), progress, time.time_ns())
+        job = _Job(payload, deadline, loop.create_future(), progress, learn, time.time_ns())
         self._unanswered.add(job.answer)
         self._waiting.append(job)
         self._ring()
@@ -180,42 +145,26 @@ class Pool:
         self._arrival.set_result(None)
         self._arrival = asyncio.get_running_loop().create_future()
 
-    def admit(self) -> None:
-        """Raises Refusal where a job would not be taken at present: draining, overloaded."""
-        if not self.ready:
-            why = "The service is shutting down." if self.draining else "No worker is up yet."
-            raise Refusal("draining", why, retry_after=_RETRY_AFTER)
-        wait = self.expected_wait
-        if len(self._waiting) - self._idle >= self.queue_length or wait > self.queue_timeout:
-            self.shed += 1
-            detail = f"{self.queued} plans already wait for {self.size} workers."
-            raise Refusal("overloaded", detail, retry_after=max(_RETRY_AFTER, math.ceil(wait)))
-
     def _give_up(self, job: _Job) -> None:
         if job in self._waiting and not job.answer.done():
-            self.shed += 1
-            wait = max(_RETRY_AFTER, math.ceil(self.expected_wait))
             detail = f"No worker was free within {self.queue_timeout:g} s."
-            job.answer.set_exception(Refusal("overloaded", detail, retry_after=wait))
+            job.answer.set_exception(self._overloaded(detail))
 
     async def drain(self, grace: float) -> None:
-        """Refuses new jobs, and waits up to `grace` s for those that have been taken."""
         self.draining = True
         if self._unanswered:
             await asyncio.wait(self._unanswered, timeout=grace)
         for answer in self._unanswered:
             if not answer.done():
-                answer.set_exception(Refusal("draining", "Stopped by a shutdown.", retry_after=_RETRY_AFTER))
+                answer.set_exception(Refusal("draining", "Stopped by a shutdown.", retry_after=RETRY_AFTER))
 
     def kill(self) -> None:
-        """Kills every worker, so that no thread of ours waits for one any longer."""
         for worker in self._workers:
             worker.kill()
         if self._starting:
             stop_starting()
 
     async def close(self) -> None:
-        """Kills every worker and waits for its end."""
         self.draining = True
         for keeper in self._keepers:
             keeper.cancel()
@@ -231,7 +180,12 @@ class Pool:
         worker = await self._start_worker()
         while True:
             job = await self._next_job(worker)
-            loss = await self._carry(worker, job) if job else "crashed"
+            loss: Loss | None = "crashed"
+            if job:
+                began = time.monotonic()
+                loss = await self._carry(worker, job)
+                if job.learn:
+                    self._took(time.monotonic() - began)
             if loss:
                 worker = await self._replace(worker, loss)
 
@@ -266,7 +220,6 @@ class Pool:
         if taken.done():
             job.taken = time.time_ns()
             await asyncio.wait({exchange, job.answer}, timeout=job.deadline, return_when=first)
-            self._typical += ((time.time_ns() - job.taken) * 1e-9 - self._typical) / 8
         if exchange.done() and exchange.exception() is None:
             self._crashes = 0
             kind, value = exchange.result()
@@ -305,7 +258,7 @@ class Pool:
             self._crashes += 1
             self._last_crash = time.monotonic()
         if self.crash_loop:
-            await asyncio.sleep(_RETRY_AFTER)
+            await asyncio.sleep(RETRY_AFTER)
         replacement = await self._start_worker()
         self.restarts += 1
         return replacement
@@ -322,7 +275,7 @@ class Pool:
                 failures += 1
                 if failures > 1:
                     self._started = self._started and bool(self._workers)
-                    await asyncio.sleep(_RETRY_AFTER)
+                    await asyncio.sleep(RETRY_AFTER)
             else:
                 worker.watch()
                 if not self._started:
@@ -345,3 +298,15 @@ def _trace(job: _Job) -> None:
     _tracer.start_span("queue", start_time=job.arrived).end(job.taken or now)
     if job.taken:
         _tracer.start_span("plan", start_time=job.taken).end(now)
+
+
+def local_pool(settings: Settings, size: int) -> Pool:
+    """Workers of this machine, with the planner loaded and compiled."""
+    return Pool(
+        size,
+        settings.queue_length,
+        preload=["api.warm"],
+        queue_wait=settings.queue_wait,
+        queue_timeout=settings.queue_timeout,
+        memory=settings.worker_memory,
+    )

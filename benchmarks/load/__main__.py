@@ -69,20 +69,22 @@ async def measure(service: Service, body: bytes, seconds: float, promises: Promi
     print(row("80 % of capacity", steady, 3 * seconds))
     promises.check("99 % / median at 80 %", quantile(steady, 0.99) / quantile(steady, 0.5), 3.0)
 
-    queued = 1e3 * service.queue_length / capacity
-    lasting = max(seconds, 3e-3 * queued)
+    queued = 1e3 * min(service.queue_wait, service.queue_length / capacity)
+    lasting, used = max(seconds, 3e-3 * queued), -service.cpu()
     flood = await target.paced(4 * capacity, lasting)
+    used += service.cpu()
     print(row("4 x capacity", flood, lasting))
     taken = [sample for sample in flood if sample.status == 200]
     shed = [sample for sample in flood if sample.status == 429]
-    print(f"  shed: {len(shed) / len(flood):.0%} of {len(flood)}; a full queue takes {queued:.0f} ms")
+    print(f"  shed: {len(shed) / len(flood):.0%} of {len(flood)}; the queue's bound is {queued:.0f} ms")
     promises.check("95 % of those taken", quantile(taken, 0.95), 2 * quantile(alone, 0.95) + queued, " ms")
     promises.check("median of those shed", quantile(shed, 0.5), 20.0, " ms")
     promises.check("answered neither 200 nor 429", len(flood) - len(taken) - len(shed), 0)
 
     over = [1e3 * (sample.seconds - planning(sample)) for sample in alone if sample.status == 200]
     promises.check("median over planning, 1 client", statistics.median(over), 5.0, " ms")
-    print(f"  CPU time of the server for a request: {cpu[1]:.1f} ms")
+    refusal = (1e3 * used - cpu[1] * len(taken)) / len(shed)
+    print(f"  CPU time of the server: {cpu[1]:.1f} ms for a request, {refusal:.2f} ms for a refusal")
     return capacity
 
 
@@ -121,7 +123,8 @@ def main() -> int:
     asked = parser.parse_args()
     body, promises = asked.request.read_bytes(), Promises()
     with running(asked.workers) as service:
-        print(f"{service.workers} workers, {service.queue_length} places in the queue, {asked.request.name}")
+        bounds = f"a queue of {service.queue_length} places and {service.queue_wait:g} s"
+        print(f"{service.workers} workers, {bounds}, {asked.request.name}")
         asyncio.run(measure(service, body, asked.seconds, promises))
         if asked.soak:
             asyncio.run(soak(service, body, asked.soak, promises))

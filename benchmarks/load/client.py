@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from dataclasses import dataclass
 
@@ -31,13 +32,15 @@ class Target:
         self._idle: list[Connection] = []
 
     async def closed(self, clients: int, seconds: float) -> list[Sample]:
-        """Each client sends its next request when the last has been answered."""
+        """Each client sends its next request when the last has been answered, or when it may try again."""
         end = time.perf_counter() + seconds
 
         async def client() -> list[Sample]:
             samples = []
             while time.perf_counter() < end:
-                samples.append(await self.ask())
+                samples.append(sample := await self.ask())
+                if sample.status == 429:
+                    await asyncio.sleep(json.loads(sample.body)["retry_after"])
             return samples
 
         return [

@@ -33,7 +33,9 @@ class Service:
         self.port = int(events["listening"]["port"])
         with _HTTP.open(f"http://127.0.0.1:{self.port}/v1/limits") as answer:
             limits = json.load(answer)
-        self.workers, self.queue_length = int(limits["workers"]), int(limits["queue_length"])
+        self.workers: int = limits["workers"]
+        self.queue_length: int = limits["queue_length"]
+        self.queue_wait: float = limits["queue_wait"]
 
     def cpu(self) -> float:
         """CPU time that the server has used, its workers not counted, s."""

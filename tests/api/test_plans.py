@@ -147,7 +147,25 @@ def test_a_full_service_refuses_without_looking_at_the_body_and_counts_it(client
     monkeypatch.setattr(client.app.state.pool, "admit", full)
     answer = client.post("/v1/plans", content=b"{", headers={"content-type": "application/json"})
     assert (answer.status_code, answer.headers["retry-after"]) == (429, "3")
-    assert 'wheelplan_refused_total{code="overloaded"} 1.0' in client.get("/metrics").text
+    assert answer.headers["x-request-id"]
+    told = client.get("/metrics").text
+    assert 'wheelplan_refused_total{code="overloaded"} 1.0' in told
+    assert 'wheelplan_requests_total{method="POST",route="/v1/plans",status="429"} 1.0' in told
+    assert client.get("/v1/plans").status_code == 405
+    inverse = {"drive": body["robot"]["drive"], "twist": {"vx": 1.0, "vy": 0.0, "omega": 0.0}}
+    assert client.post("/v1/kinematics/inverse", json=inverse).status_code == 200
+
+
+def test_a_full_service_asks_for_a_token_first(inline_app, body, tmp_path, monkeypatch):
+    def full():
+        raise Refusal("overloaded", "full", retry_after=3)
+
+    (tmp_path / "tokens").write_text("right")
+    client = inline_app(tokens_file=tmp_path / "tokens")
+    monkeypatch.setattr(client.app.state.pool, "admit", full)
+    answers = [client.post("/v1/plans", json=body, headers={"authorization": f"Bearer {token}"})
+               for token in ("wrong", "right")]  # fmt: skip
+    assert [answer.status_code for answer in answers] == [401, 429]
 
 
 @pytest.mark.parametrize("failure", [RuntimeError("secret"), MemoryError("secret"), RecursionError("secret")])

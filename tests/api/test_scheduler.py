@@ -1,4 +1,4 @@
-"""Which scheduler the settings choose."""
+"""Which scheduler the settings choose, and how many jobs any of them takes."""
 
 import sys
 from dataclasses import replace
@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from api.app import scheduler_of
+from api.errors import Refusal
 from api.workers import Pool
 
 
@@ -33,3 +34,51 @@ def test_a_cluster_without_its_extra_says_what_is_missing(settings, monkeypatch)
         monkeypatch.delitem(sys.modules, module, raising=False)
     with pytest.raises(ValueError, match=r"wheelplan\[cluster\]"):
         scheduler_of(replace(settings, scheduler="tcp://127.0.0.1:1"))
+
+
+class Busy(Pool):
+    """Two workers; a test says how many jobs there are, and how long jobs took of late."""
+
+    ready = True
+    outstanding = 0
+
+    def __init__(self, took, queue_length=1000):
+        super().__init__(2, queue_length, queue_wait=1.0)
+        for seconds in took:
+            self._took(seconds)
+
+    def taken(self):
+        """How many jobs it takes until it refuses one, and that refusal."""
+        for self.outstanding in range(2000):
+            try:
+                self.admit()
+            except Refusal as refusal:
+                return self.outstanding, refusal
+        return None
+
+
+@pytest.mark.parametrize("seconds", [0.005, 0.02, 0.05, 0.2])
+def test_the_queue_is_as_long_as_the_workers_need_nearly_its_wait_for(seconds):
+    taken, refusal = Busy([seconds] * 200).taken()
+    assert 0.8 < taken * seconds / 2 <= 1.0
+    assert (refusal.code, refusal.details) == ("overloaded", {"retry_after": 1})
+
+
+@pytest.mark.parametrize("seconds", [0.7, 3.0, 30.0])
+def test_one_job_for_each_worker_waits_however_long_jobs_take(seconds):
+    assert Busy([seconds] * 200).taken()[0] == 4
+
+
+def test_the_queue_is_never_longer_than_its_places():
+    assert Busy([], queue_length=7).taken()[0] == 9
+    assert Busy([0.001] * 200, queue_length=7).taken()[0] == 9
+
+
+def test_a_rare_long_job_leaves_the_queue_two_thirds_of_its_room():
+    usual = [0.05] * 200
+    assert Busy([*usual, 30.0]).taken()[0] > 0.6 * Busy(usual).taken()[0]
+
+
+def test_what_jobs_take_now_counts_after_some_dozens():
+    slower = Busy([0.05] * 1000 + [0.1] * 100).taken()[0]
+    assert slower == pytest.approx(Busy([0.1] * 200).taken()[0], rel=0.15)

@@ -44,11 +44,11 @@ def dask(storage, tmp_path_factory):
         yield cluster
 
 
-def run(dask, promise, queue_length=10, queue_timeout=10.0):
+def run(dask, promise, queue_length=10, queue_wait=10.0, queue_timeout=10.0):
     """Runs an async test against a cluster that is up."""
 
     async def main():
-        cluster = Cluster(dask.scheduler_address, queue_length, queue_timeout)
+        cluster = Cluster(dask.scheduler_address, queue_length, queue_wait, queue_timeout)
         cluster.start()
         try:
             async with asyncio.timeout(300):

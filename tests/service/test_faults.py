@@ -1,5 +1,6 @@
 """What one worker, one client or one flood may cost the others: faults made on purpose in a real service."""
 
+import http.client
 import json
 import os
 import resource
@@ -15,6 +16,7 @@ from tests.service.service import (
     alive,
     busiest,
     descendants,
+    head,
     in_background,
     serving,
     slow,
@@ -157,6 +159,32 @@ def test_a_full_queue_refuses_at_once_and_the_probes_still_answer(small):
     assert small.metric("wheelplan_shed_total") >= before + 5
     for connection in connections:
         connection.close()
+
+
+@pytest.mark.parametrize("length", ["Content-Length: 300000", "Transfer-Encoding: chunked"])
+def test_a_refused_request_may_be_followed_by_another_and_its_body_is_not_looked_at(small, length):
+    connections = [small.open(slow(5.0)) for _ in range(2)]
+    until(lambda: small.metric("wheelplan_queue_depth") == 1, 3.0)
+    body = b"no JSON" + b" " * (300_000 - 7)
+    sent = b"%x\r\n%b\r\n0\r\n\r\n" % (len(body), body) if "chunked" in length else body
+    with small.connect(head(length), timeout=10) as connection:
+        connection.sendall(sent)
+        for expected in (429, 200):
+            answer = http.client.HTTPResponse(connection)
+            answer.begin()
+            assert answer.status == expected
+            answer.read()
+            connection.sendall(head(target="GET /livez"))
+    for connection in connections:
+        connection.close()
+
+
+def test_a_plan_may_wait_behind_one_that_takes_longer_than_the_queue_should(tmp_path):
+    with serving(tmp_path, workers=1, queue_wait=0.1) as server:
+        for _ in range(2):
+            assert server.plan(slow(1.0)) == (200, None)
+        joins = [in_background(server.plan, slow(1.0)) for _ in range(3)]
+        assert sorted(join()[0] for join in joins) == [200, 200, 429]
 
 
 def test_no_plan_waits_longer_than_the_queue_timeout(small):

@@ -311,7 +311,22 @@ def test_a_job_that_would_wait_too_long_is_refused_at_once():
         assert time.monotonic() - began < 1.5
         assert pool.shed == len(refused)
 
-    run(promise, queue_length=100, queue_timeout=0.8)
+    run(promise, queue_length=100, queue_wait=0.8)
+
+
+def test_a_job_that_is_known_to_take_long_shortens_the_queue_while_it_lasts_and_no_longer():
+    async def promise(pool):
+        jobs = [asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5, foreseen=20.0))]
+        jobs.append(asyncio.create_task(pool.run(operator.add, 1, 2, deadline=5)))
+        await asyncio.sleep(0.05)
+        with pytest.raises(Refusal) as caught:
+            await pool.run(operator.add, 1, 2, deadline=5)
+        assert (caught.value.code, caught.value.details) == ("overloaded", {"retry_after": 20})
+        await asyncio.gather(*jobs)
+        burst = [asyncio.create_task(pool.run(operator.add, 1, 2, deadline=5)) for _ in range(8)]
+        assert await asyncio.gather(*burst) == [3] * 8
+
+    run(promise, queue_wait=1.0)
 
 
 def test_draining_lets_jobs_finish_and_takes_no_new_ones():
