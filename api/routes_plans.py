@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Annotated, Any
 
 import anyio
@@ -98,25 +97,18 @@ async def answered(
     scheduler: Scheduler = state.pool
     metrics: Metrics = state.metrics
     budget, effort = problem.options.time_budget, problem.options.effort
-    with _refusals_counted(state):
+    try:
         answer: Answer = await scheduler.run(
             function, problem, *args,
             deadline=budget + state.settings.deadline_grace,
             foreseen=budget if effort == "best" else None,
             progress=progress,
         )  # fmt: skip
-    metrics.planned(problem, answer)
-    return answer
-
-
-@contextmanager
-def _refusals_counted(state: State) -> Iterator[None]:
-    metrics: Metrics = state.metrics
-    try:
-        yield
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
+    metrics.planned(problem, answer)
+    return answer
 
 
 async def _stream(

@@ -27,7 +27,7 @@ _OF_LATE = 32
 _BENEFIT = 4
 """The first jobs are averaged with so many that took no time: one alone says little."""
 
-_RESERVE = 0.9
+_RESERVE = 0.8
 """The queue is filled up to this share of queue_wait, as what jobs will take is a guess."""
 
 
