@@ -27,8 +27,9 @@ _OF_LATE = 32
 _BENEFIT = 4
 """The first jobs are averaged with so many that took no time: one alone says little."""
 
-_RESERVE = 0.8
-"""The queue is filled up to this share of queue_wait, as what jobs will take is a guess."""
+_FILLED = 0.75
+"""The queue is filled up to this share of queue_wait. Thirty jobs whose times vary as widely as their mean take 4/3
+of what the mean says in one case of twenty."""
 
 
 class Scheduler(ABC):
@@ -105,7 +106,7 @@ class Scheduler(ABC):
         if not self.ready:
             raise Refusal("draining", str(self.trouble), retry_after=RETRY_AFTER)
         waiting = self.outstanding - self.size
-        late = self.expected_wait > _RESERVE * self.queue_wait
+        late = self.expected_wait > _FILLED * self.queue_wait
         if waiting >= self.queue_length or (waiting >= self.size and late):
             raise self._overloaded(f"{self.queued} plans already wait for {self.size} workers.")
 
