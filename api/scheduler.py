@@ -28,8 +28,8 @@ _BENEFIT = 4
 """The first jobs are averaged with so many that took no time: one alone says little."""
 
 _FILLED = 0.75
-"""The queue is filled up to this share of queue_wait. Thirty jobs whose times vary as widely as their mean take 4/3
-of what the mean says in one case of twenty."""
+"""The queue is filled up to this share of queue_wait. Thirty jobs whose times vary as widely as their mean
+take a third more than expected in one case of twenty."""
 
 
 class Scheduler(ABC):
