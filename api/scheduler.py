@@ -21,7 +21,7 @@ LOSSES: tuple[Loss, ...] = ("deadline", "cancelled", "stopped", "memory", "crash
 RETRY_AFTER = 1
 """The least that a client who is turned away is told to wait, s."""
 
-_OF_LATE = 32
+_OF_LATE = 16
 """What jobs take is averaged over about so many."""
 
 _BENEFIT = 4

@@ -74,9 +74,9 @@ def test_the_queue_is_never_longer_than_its_places():
     assert Busy([0.001] * 200, queue_length=7).taken()[0] == 9
 
 
-def test_a_rare_long_job_leaves_the_queue_two_thirds_of_its_room():
+def test_a_rare_long_job_leaves_the_queue_almost_half_of_its_room():
     usual = [0.05] * 200
-    assert Busy([*usual, 30.0]).taken()[0] > 0.6 * Busy(usual).taken()[0]
+    assert Busy([*usual, 30.0]).taken()[0] > 0.4 * Busy(usual).taken()[0]
 
 
 def test_what_jobs_take_now_counts_after_some_dozens():
