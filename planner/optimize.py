@@ -243,7 +243,7 @@ class Optimizer:
         order = np.concatenate([fixed, steered])
         n = len(guess.time) - 1
         shape = Shape(
-            self._coordinates, len(fixed), len(steered), planes.shape[1], n,
+            self._coordinates, len(fixed), len(steered), planes.shape[1],
             jerk=self._is_jerk_limited, given=begin.given,
             forward=not self.problem.options.reverse,
         )  # fmt: skip
@@ -288,8 +288,8 @@ class Optimizer:
             [(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)]
         )
         begin_of_solve = perf_counter()
-        answer = solver(shape, self.iterations).solve(
-            parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n
+        answer = solver(shape).solve(
+            parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n, self.iterations
         )
         self._took.append(perf_counter() - begin_of_solve)
         if answer is None:
@@ -297,6 +297,8 @@ class Optimizer:
         x, u = answer
         duration = float(x[-1, -1]) * time
         coordinates = x[:, 3 : 3 + shape.size] * unit
+        exact = 1 if begin.given == "rest" else shape.size
+        coordinates[0, :exact] = begin.coordinates[:exact]
         change, bow = np.diff(coordinates, axis=0) * n / duration, np.zeros((n, shape.size))
         if shape.jerk:
             change, bow = x[:-1, 3 + shape.size : 3 + 2 * shape.size] * unit / time, u * unit / time**2 / 2
