@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drives.drive import Drive, Limits
+from drives.drive import BodyPath, Drive, Limits
 from drives.se2 import Array
 from planner.environment import CollisionWorld
 from planner.path import Curve
@@ -61,8 +61,10 @@ class Guess:
         return Guess(time - time[0], there[:, :3], there[:, 3:])
 
 
-def driven(motion: Phases) -> Curves:
-    """The pieces of a path that a motion drives along."""
+def driven(motion: Phases | Curves) -> Curves:
+    """The pieces of a path, or of the one that a motion drives along."""
+    if isinstance(motion, tuple):
+        return motion
     return tuple(phase.piece for phase in motion.phases if isinstance(phase, Driven))
 
 
@@ -124,10 +126,11 @@ def is_far(path: Curves, robot: Robot, world: CollisionWorld) -> bool:
     return bool(path) and float(world.clearance(cruising(path, robot.drive, robot.limits).pose).min()) > _FAR
 
 
-def knot_count(motion: Phases, limits: Limits, spacing: float = _SPACING) -> int:
+def knot_count(motion: Phases | Curves, drive: Drive, limits: Limits, spacing: float = _SPACING) -> int:
     """How many intervals to optimize a motion over, at most `spacing` m apart."""
-    if path := driven(motion):
-        time, poses = flowing_time(path, motion.drive, limits), cruising(path, motion.drive, limits).pose
+    path = driven(motion)
+    if path or not isinstance(motion, Phases):
+        time, poses = flowing_time(path, drive, limits), cruising(path, drive, limits).pose
     else:
         time = motion.duration
         poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
@@ -158,17 +161,19 @@ class Cruise(NamedTuple):
 @lru_cache(maxsize=16)
 def cruising(path: Curves, drive: Drive, limits: Limits) -> Cruise:
     """Along the pieces of a path, always as fast as rates allow."""
-    times, poses, twists = [], [], []
-    begin = 0.0
-    for piece in path:
-        along = piece.body_path(_SHARES)
-        speed = cruising_speed(drive, limits, along)
-        lasting = np.diff(_SHARES) * (1 / speed[1:] + 1 / speed[:-1]) / 2
-        times.append(begin + np.concatenate([[0.0], np.cumsum(lasting)]))
-        poses.append(piece.poses(_SHARES))
-        twists.append(along.tangent * speed[:, None])
-        begin = float(times[-1][-1])
-    return Cruise(np.concatenate(times), np.concatenate(poses), np.concatenate(twists))
+    along = [piece.body_path(_SHARES) for piece in path]
+    poses = np.concatenate([piece.poses(_SHARES) for piece in path])
+    heading, tangent, change = (
+        np.concatenate([getattr(each, name) for each in along])
+        for name in ("heading", "tangent", "tangent_derivative")
+    )
+    # One path, as only rates count; from one piece to the next is some way, too.
+    s = (2 * np.arange(len(path))[:, None] + _SHARES).ravel()
+    speed = cruising_speed(drive, limits, BodyPath(s, heading, tangent, change))
+    slowness = (1 / speed).reshape(len(path), -1)
+    lasting = np.diff(_SHARES) * (slowness[:, 1:] + slowness[:, :-1]) / 2
+    time = np.cumsum(np.append(np.zeros((len(path), 1)), lasting, 1))
+    return Cruise(time, poses, tangent * speed[:, None])
 
 
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:
