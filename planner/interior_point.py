@@ -98,8 +98,7 @@ def solve(
         least = tolerance / 10
         stayed += 1
         while barrier > least and (
-            stayed > _STAY
-            and error < _ROUGHLY
+            (stayed > _STAY and error < _ROUGHLY)
             or max(error, _complementarity(slacks, barrier)) < _DONE * barrier
         ):
             barrier = max(least, min(_SHARE * barrier, barrier**_POWER))
