@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from drives.se2 import Array, Pose
-from planner.environment import CollisionWorld, check_simple_polygon, footprint_polygon
+from planner.environment import CollisionWorld
 from planner.errors import InvalidGeometry
+from planner.polygon import check_simple_polygon, footprint_polygon
 from planner.problem import Bounds, Circle, Environment, Footprint, MapLayer, Polygon
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
