@@ -13,34 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drives import DRIVES, Module, SwedishWheel
+from drives import DRIVES
 from drives.drive import BodyPath, Car, Drive, Holonomic, Limits
 from drives.se2 import Array, Pose, Twist, compose, exp
 from planner.errors import AuditFailed
 from planner.problem import Environment, Footprint, Goal, Options, Problem, Robot
 from planner.schedule import WheelSchedule
 from planner.verify import Certificate, verify
+from tests.planner.conftest import PARAMETERS
 
-MODULES = (Module("a", 0.3, 0.2), Module("b", -0.3, 0.2), Module("c", 0.0, -0.3))
-PARAMETERS: dict[str, dict[str, Any]] = {
-    "differential": {"wheel_radius": 0.1, "track_width": 0.5},
-    "tracked": {"wheel_radius": 0.1, "track_width": 0.5, "slip_coefficient": 1.4},
-    "skid_steer": {"wheel_radius": 0.1, "track_width": 0.5, "wheelbase": 0.4, "slip_coefficient": 1.6},
-    "omni": {"wheel_radius": 0.05, "robot_radius": 0.2},
-    "mecanum": {"wheel_radius": 0.08, "track_width": 0.4, "wheelbase": 0.5},
-    "swedish": {
-        "wheels": (
-            SwedishWheel("a", 0.3, 0.0, 1.57, 0.0, 0.05),
-            SwedishWheel("b", -0.2, 0.2, 0.1, 0.785, 0.06),
-            SwedishWheel("c", -0.2, -0.2, 0.0, -0.785, 0.07),
-        )
-    },
-    "tricycle": {"wheel_radius": 0.1, "wheelbase": 0.8, "track_width": 0.5},
-    "ackermann": {"wheel_radius": 0.1, "wheelbase": 0.8, "track_width": 0.5},
-    "synchro": {"wheel_radius": 0.1, "body_heading": 0.4},
-    "swerve": {"wheel_radius": 0.05, "modules": MODULES},
-    "powered_caster": {"wheel_radius": 0.05, "caster_offset": 0.04, "modules": MODULES},
-}
 KINDS = sorted(DRIVES)
 START = Pose(1.0, -2.0, 0.4)
 PERIOD, DURATION, RADIUS = 0.02, 3.13, 0.3

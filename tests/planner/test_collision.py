@@ -18,22 +18,12 @@ from planner.collision import COLUMNS, END, FIELD, ROWS, STEP, pose_clearance_at
 from planner.environment import CollisionWorld
 from planner.problem import Bounds, Circle, Environment, Footprint, MapLayer, Polygon
 from planner.sweep import _advance, linear_free, twist_free
-from tests.planner.worlds import is_line_free, is_twist_free
+from tests.planner.worlds import ROOM, box, is_line_free, is_twist_free, rectangle
 
-ROOM = Bounds(-5.0, -4.0, 5.0, 4.0)
 ORIGIN = Pose(0.0, 0.0, 0.0)
 FORK = np.array(
     [[-0.3, -0.3], [0.6, -0.3], [0.6, -0.2], [-0.1, -0.2], [-0.1, 0.2], [0.6, 0.2], [0.6, 0.3], [-0.3, 0.3]]
 )
-
-
-def rectangle(length: float, width: float, offset: float = 0.0) -> Footprint:
-    x, y = length / 2, width / 2
-    return Footprint(np.array([[offset - x, -y], [offset + x, -y], [offset + x, y], [offset - x, y]]))
-
-
-def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
-    return Polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=np.float64))
 
 
 def gap(width: float, length: float = 1.0) -> Environment:
