@@ -93,10 +93,10 @@ def candidates(
         lambda: _refuse_if_separated(problem, local.world),
     )  # fmt: skip
 
-    def optimized(near: Candidate, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
-        faster = by.faster(near.timed, rounds)
+    def optimized(way: _Way, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
+        faster = by.faster(way.timed or way.path, rounds)
         watch.lap("optimize")
-        return [] if faster is None else [replace(near, timed=faster, optimized=True)]
+        return [] if faster is None else [Candidate(way.planner, faster, way.found, True)]
 
     def bow(near: Candidate) -> list[Candidate]:
         driven = [phase for phase in near.timed.phases if isinstance(phase, Driven)]
@@ -118,7 +118,7 @@ def candidates(
             # A search often finds the same way again.
             duration = round(stopped.timed.duration, 6)
             if duration not in known and not watch.is_over(optimizer.longest):
-                yield optimized(stopped, _BEST_ROUNDS) or bow(stopped)
+                yield optimized(way, _BEST_ROUNDS) or bow(stopped)
             known.add(duration)
         return
     ways = list(_ways(problem, local, goals, search, watch))
@@ -151,8 +151,7 @@ def candidates(
             # A search often finds the same way again.
             if any(abs(time / flowing_time(other.path, drive, limits) - 1) < _SAME for other in flowed):
                 continue
-            near = stops(way)
-            if near is not None and (faster := optimized(near, _GOOD_ROUNDS)):
+            if faster := optimized(way, _GOOD_ROUNDS):
                 (flowed[way],) = faster
                 if best is None or _duration(flowed[way]) < _duration(flowed[best]):
                     best = way
@@ -172,7 +171,7 @@ def candidates(
                 break
             near = stops(way)
             if near is not None and flowing_time(way.path, drive, limits) < _HASTE * _duration(near):
-                yield optimized(near, _GOOD_ROUNDS, patient)
+                yield optimized(way, _GOOD_ROUNDS, patient)
         rest = [stops(way) for way in ways if way not in stopping and not watch.is_over()]
         yield _hastened([near for near in rest if near is not None], limits, watch)
 

@@ -14,10 +14,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drives.drive import Drive, Limits
+from drives.drive import BodyPath, Drive, Limits
 from drives.se2 import Array
 from planner.environment import CollisionWorld
-from planner.path import Curve
+from planner.path import Curve, TwistPiece
 from planner.problem import Robot
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
@@ -61,8 +61,10 @@ class Guess:
         return Guess(time - time[0], there[:, :3], there[:, 3:])
 
 
-def driven(motion: Phases) -> Curves:
-    """The pieces of a path that a motion drives along."""
+def driven(motion: Phases | Curves) -> Curves:
+    """The pieces of a path, or of the one that a motion drives along."""
+    if isinstance(motion, tuple):
+        return motion
     return tuple(phase.piece for phase in motion.phases if isinstance(phase, Driven))
 
 
@@ -124,10 +126,11 @@ def is_far(path: Curves, robot: Robot, world: CollisionWorld) -> bool:
     return bool(path) and float(world.clearance(cruising(path, robot.drive, robot.limits).pose).min()) > _FAR
 
 
-def knot_count(motion: Phases, limits: Limits, spacing: float = _SPACING) -> int:
+def knot_count(motion: Phases | Curves, drive: Drive, limits: Limits, spacing: float = _SPACING) -> int:
     """How many intervals to optimize a motion over, at most `spacing` m apart."""
-    if path := driven(motion):
-        time, poses = flowing_time(path, motion.drive, limits), cruising(path, motion.drive, limits).pose
+    path = driven(motion)
+    if path or not isinstance(motion, Phases):
+        time, poses = flowing_time(path, drive, limits), cruising(path, drive, limits).pose
     else:
         time = motion.duration
         poses = motion.sample(np.linspace(0.0, time, max(200, math.ceil(time / 0.1)))).pose
@@ -159,16 +162,31 @@ class Cruise(NamedTuple):
 def cruising(path: Curves, drive: Drive, limits: Limits) -> Cruise:
     """Along the pieces of a path, always as fast as rates allow."""
     times, poses, twists = [], [], []
+    # Pieces along which a twist is held are one path together: only rates count.
+    held = [piece.body_path(_SHARES[:1]) for piece in path if isinstance(piece, TwistPiece)]
+    steady = iter(cruising_speed(drive, limits, _joined(held)).tolist() if held else [])
     begin = 0.0
     for piece in path:
         along = piece.body_path(_SHARES)
-        speed = cruising_speed(drive, limits, along)
+        if isinstance(piece, TwistPiece):
+            speed = np.full(len(_SHARES), next(steady))
+        else:
+            speed = cruising_speed(drive, limits, along)
         lasting = np.diff(_SHARES) * (1 / speed[1:] + 1 / speed[:-1]) / 2
         times.append(begin + np.concatenate([[0.0], np.cumsum(lasting)]))
         poses.append(piece.poses(_SHARES))
         twists.append(along.tangent * speed[:, None])
         begin = float(times[-1][-1])
     return Cruise(np.concatenate(times), np.concatenate(poses), np.concatenate(twists))
+
+
+def _joined(paths: list[BodyPath]) -> BodyPath:
+    """One path of the first points of some."""
+    heading, tangent, change = (
+        np.concatenate([getattr(path, name)[:1] for path in paths])
+        for name in ("heading", "tangent", "tangent_derivative")
+    )
+    return BodyPath(np.arange(float(len(paths))), heading, tangent, change)
 
 
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:

@@ -1,4 +1,4 @@
-"""The fastest motion as an optimal control problem: multiple shooting, solved by CasADi and Fatrop. This
+"""The fastest motion as an optimal control problem: multiple shooting, stated in CasADi. This
 file, retime.py and stagewise.py import casadi.
 
 Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
@@ -8,7 +8,7 @@ in [-1, 1]; wheel accelerations and jerks are the rates' derivatives, taken symb
 formula for the rate of a wheel serves fixed and steered wheels alike. The duration is a state that does
 not change.
 
-Sources: Bock and Plitt (1984), direct multiple shooting; Vanroye et al. (2023), Fatrop.
+Source: Bock and Plitt (1984), direct multiple shooting.
 """
 
 from __future__ import annotations
@@ -31,18 +31,13 @@ _STILL = 1e-3
 _EXACT = 0.03
 """Unit of poses: gaps between intervals add up along the way, so they must be smaller than what limits are
 exceeded by."""
-_EFFORT = (1e-3, 2e-2)
+_EFFORT = 1e-3
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
-settles what would be undetermined; where that is not enough the second is tried."""
+settles what would be undetermined."""
 
-_LIGHT = 0.03
-"""Weight of the rows that hold the goal. Fatrop solves a row for the controls of the last stage that has any
-pivot above 1e-5 to offer: next to nothing, where a car comes to rest, against going sideways. Divided by that
-again and again, no step is ever fit, and it looks for one for ever. Light rows are left to earlier stages."""
-
-_FATROP = {"tol": 1e-5, "mu_superlinear_decrease_power": 1.3, "bound_push": 0.1, "bound_frac": 0.1}
-_BARRIER = {"car": 1e-3, "twist": 3e-4, "unicycle": 1e-4}
-"""To begin with: so near the limits, it takes half the iterations than from 0.03; nearer, more get stuck."""
+_TOLERANCE, _BARRIER = 1e-5, 3e-4
+"""Of interior_point.solve: from a larger barrier a motion first doubles its duration; from a smaller one,
+more of them get stuck."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +54,6 @@ class Shape:
     rows: int
     steered: int
     planes: int
-    knots: int
     jerk: bool
     given: Literal["all", "curvature", "rest"]
     forward: bool
@@ -79,14 +73,11 @@ class Shape:
         """Pose, coordinates (and rates), duration."""
         return 4 + self.order * self.size
 
-    @property
-    def units(self) -> tuple[Array, float]:
-        """What Fatrop's states (state,) and controls are in, so that a change over an interval is about one:
-        it solves ill-scaled problems badly."""
-        states = np.ones(self.state)
-        states[:3] = _EXACT
-        states[3 + self.size : -1] = self.knots
-        return states, float(self.knots) ** self.order
+    def units(self, knots: Any) -> tuple[list[Any], Any]:
+        """What the solver's states (state,) and controls are in, so that a change over an interval is about
+        one."""
+        still = self.size * (self.order - 1)
+        return [*[_EXACT] * 3, *[1.0] * self.size, *[knots] * still, 1.0], knots**self.order
 
     def parameters(self) -> dict[str, int]:
         """Names and sizes, in order.
@@ -95,7 +86,7 @@ class Shape:
         twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling speed.
         acceleration, jerk (rows + steered): rate limit over acceleration limit, and over jerk limit.
         steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the limits of
-        speed, omega, tangential and lateral acceleration.
+        speed, omega, tangential and lateral acceleration. knots: how many intervals there are.
         """
         wheels = self.rows + self.steered
         return {
@@ -110,6 +101,7 @@ class Shape:
             "steering": 1,
             "curvature": 1,
             "body": 4,
+            "knots": 1,
         }
 
 
@@ -120,52 +112,52 @@ class Solver:
     shape: Shape
     _program: Program
 
-    def solve(self, parameters: dict[str, Any], guess: Array, controls: Array) -> tuple[Array, Array] | None:
+    def solve(
+        self, parameters: dict[str, Any], guess: Array, controls: Array, iterations: int
+    ) -> tuple[Array, Array] | None:
         """States (knots + 1, state) and controls (knots, size), or None.
 
         guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
         rates where jerk is limited, and the duration, which should be about 1, as should be lengths. Besides
         Shape.parameters: planes (2 knots, planes, 5), at each knot and after it, and shares (knots,) of the
-        intervals, where those after a knot hold.
+        intervals, where those after a knot hold. iterations: at most so many.
         """
-        states, unit = self.shape.units
+        knots = len(controls)
+        states, unit = self.shape.units(float(knots))
         guess, controls = guess / states, controls / unit
-        given = [np.ravel(parameters[name]) for name in self.shape.parameters()]
-        planes = np.reshape(parameters["planes"], (self.shape.knots, -1))
+        given = [np.ravel(parameters[name]) for name in self.shape.parameters() if name != "knots"]
+        planes = np.reshape(parameters["planes"], (knots, -1))
         own = np.column_stack([planes, parameters["shares"]])
-        # Among obstacles a second try costs too much for what it seldom brings.
-        for share in _EFFORT if self.shape.planes == 0 else _EFFORT[:1]:
-            effort = share / max(float((controls**2).sum()), 1e-9)
-            found = self._program.solve(guess, controls, own, np.concatenate([*given, [effort]]))
-            if found is not None:
-                return found[0] * states, found[1] * unit
-        return None
+        effort = _EFFORT / max(float((controls**2).sum()), 1e-9)
+        shared = np.concatenate([*given, [knots, effort]])
+        found = self._program.solve(guess, controls, own, shared, iterations)
+        return None if found is None else (found[0] * states, found[1] * unit)
 
 
 @lru_cache(maxsize=32)
-def solver(shape: Shape, iterations: int) -> Solver:
+def solver(shape: Shape) -> Solver:
     """The solver for a shape, built when first asked for (0.03 to 0.1 s)."""
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
     x, u, effort = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("effort")
     here, later = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
     share = ca.SX.sym("t")
-    unit, control = shape.units
-    at, by = x * unit, u * control
+    scale, unit = shape.units(symbols["knots"])
+    states = ca.vertcat(*scale)
+    at, by = x * states, u * unit
     after, between = motion.step(at, by, share)
     bends = [Rows(motion.bends(at), -1, 1)] if shape.given == "rest" else []
     stage = Stage(
         x, u, ca.vertcat(here, later, share), ca.vertcat(*symbols.values(), effort),
-        after=after / unit,
+        after=after / states,
         cost=ca.sumsqr(u) * effort,
         held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, later), 0, math.inf)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
-        later=[Rows(motion.speeds(at), -1, 1), Rows(motion.gaps(at, here), 0, math.inf)],
-        last=[Rows(motion.speeds(at), -1, 1), Rows(motion.finish(at), 0, 0)],
+        later=[*motion.speeds(at), Rows(motion.gaps(at, here), 0, math.inf)],
+        last=[*motion.speeds(at), Rows(motion.finish(at), 0, 0)],
         last_cost=x[-1],
     )  # fmt: skip
-    options = _FATROP | {"mu_init": _BARRIER[shape.coordinates], "max_iter": iterations}
-    return Solver(shape, program(stage, shape.knots, options))
+    return Solver(shape, program(stage, _TOLERANCE, _BARRIER))
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {
@@ -214,7 +206,7 @@ class _Motion:
 
     def step(self, x: Any, u: Any, share: Any) -> tuple[Any, list[Any]]:
         """The state at the next knot; the pose at a share of the way there."""
-        h = x[-1] / self.shape.knots
+        h = x[-1] / self.p["knots"]
         degree = self.shape.order * (2 if self.shape.coordinates == "car" else 1)
 
         def heading(t: Any) -> Any:
@@ -240,8 +232,7 @@ class _Motion:
     def finish(self, x: Any) -> list[Any]:
         """What is zero at rest at the goal."""
         still = np.zeros(self.shape.state - 4)
-        apart = self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
-        return [_LIGHT * each for each in apart]
+        return self._differences(x, ca.vertcat(self.p["goal"], still), "rest")
 
     def _differences(self, x: Any, to: Any, given: str) -> list[Any]:
         """Of a state to another one, as far as that is given."""
@@ -268,20 +259,19 @@ class _Motion:
             rates.append(rolled * p["speed"][i])
         return rates
 
-    def speeds(self, x: Any) -> list[Any]:
-        """Rows that depend on the coordinates only."""
+    def speeds(self, x: Any) -> list[Rows]:
+        """What depends on the coordinates only."""
         _, q, _ = self._split(x)
         vx, vy, omega = self.twist(q)
         body = self.p["body"]
-        rows = [*self._rates(q), omega * body[1]]
+        rows, capped = [*self._rates(q), omega * body[1]], []
         if self.shape.coordinates == "twist":
-            rows.append(2 * (vx**2 + vy**2) * body[0] ** 2 - 1)
+            capped.append((vx**2 + vy**2) * body[0] ** 2)
         else:
             rows += [vx * body[0], vx * omega * body[3]]
         if self.shape.forward:
-            # In [-1, 1] as long as 0 <= vx; no speed is near the other end.
-            rows.append(1 - vx / 50)
-        return [*rows, *self.bends(x)]
+            capped.append(1 - vx)
+        return [Rows([*rows, *self.bends(x)], -1, 1), Rows(capped, -math.inf, 1)]
 
     def bends(self, x: Any) -> list[Any]:
         """The row that limits a car's curvature."""
@@ -292,7 +282,7 @@ class _Motion:
         rows = []
         kind: str = self.shape.coordinates if self.shape.steered else "fixed"
         for share in _INSIDE["jerk" if kind == "twist" and self.shape.jerk else kind]:
-            q, r = self._later(x, u, share * x[-1] / self.shape.knots)
+            q, r = self._later(x, u, share * x[-1] / self.p["knots"])
             rows += self._changes(q, r, u)
             if self.shape.coordinates == "car" and share == 0.5:
                 # Between knots v times the curvature is no straight line.
@@ -300,7 +290,7 @@ class _Motion:
         if self.shape.coordinates == "car" and self.shape.jerk:
             # A parabola stays within its control points: two are at the knots, this one is between.
             _, q, r = self._split(x)
-            rows.append((q[1] + r[1] * x[-1] / (2 * self.shape.knots)) * self.p["curvature"])
+            rows.append((q[1] + r[1] * x[-1] / (2 * self.p["knots"])) * self.p["curvature"])
         return rows
 
     def _changes(self, q: Any, r: Any, u: Any) -> list[Any]:

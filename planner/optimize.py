@@ -17,6 +17,7 @@ from planner.environment import CollisionWorld
 from planner.guess import (
     KNOTS,
     Coordinates,
+    Curves,
     Guess,
     driven,
     flowing,
@@ -70,34 +71,35 @@ class Optimizer:
         """Time (s) that the longest solve took so far."""
         return max(self._took, default=0.0)
 
-    def faster(self, motion: Phases, rounds: int) -> Phases | None:
-        """The fastest free motion found near a free one, within all limits; None where that is no faster.
+    def faster(self, motion: Phases | Curves, rounds: int) -> Phases | None:
+        """The fastest free motion found near a free one, or a path, within all limits; None where that is
+        no faster.
 
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
-        limits = self.problem.robot.limits
+        drive, limits = self.problem.robot.drive, self.problem.robot.limits
         if is_far(driven(motion), self.problem.robot, self.world):
-            knots = knot_count(motion, limits, math.inf)
+            knots = knot_count(motion, drive, limits, math.inf)
             guess = self._guess(motion, knots)
             found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)), np.full(knots, 0.5))
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
                     made = self._finished(made)
-                    return made if made.duration < motion.duration else None
-        knots = knot_count(motion, limits)
+                    return made if made.duration < _duration(motion) else None
+        knots = knot_count(motion, drive, limits)
         best = motion
         for _ in range(rounds):
             near = self._near(best, knots)
-            if near is None or near.duration >= best.duration:
+            if near is None or near.duration >= _duration(best):
                 break
-            done = near.duration > _GAIN * best.duration
+            done = near.duration > _GAIN * _duration(best)
             best = near
             if done or self.is_over(self.longest):
                 break
-        return None if best is motion else best
+        return best if isinstance(best, Phases) and best is not motion else None
 
-    def _near(self, motion: Phases, knots: int) -> Phases | None:
+    def _near(self, motion: Phases | Curves, knots: int) -> Phases | None:
         """The fastest free motion on the same side of all obstacles as a free one, or None."""
         guess = self._guess(motion, knots)
         begin = self._begin(guess)
@@ -224,9 +226,10 @@ class Optimizer:
         bend = float(np.clip(np.mean(tangent / (x + y * tangent)), -most, most))
         return begin._replace(coordinates=np.array([0.0, bend]), given="curvature")
 
-    def _guess(self, motion: Phases, knots: int) -> Guess:
-        if path := driven(motion):
-            return flowing(path, motion.drive, self.problem.robot.limits, self._coordinates, knots)
+    def _guess(self, motion: Phases | Curves, knots: int) -> Guess:
+        path, robot = driven(motion), self.problem.robot
+        if path or not isinstance(motion, Phases):
+            return flowing(path, robot.drive, robot.limits, self._coordinates, knots)
         return sampled(motion, self._coordinates, knots)
 
     def _solve(self, guess: Guess, begin: State, planes: Array, shares: Array) -> Flowing | None:
@@ -243,7 +246,7 @@ class Optimizer:
         order = np.concatenate([fixed, steered])
         n = len(guess.time) - 1
         shape = Shape(
-            self._coordinates, len(fixed), len(steered), planes.shape[1], n,
+            self._coordinates, len(fixed), len(steered), planes.shape[1],
             jerk=self._is_jerk_limited, given=begin.given,
             forward=not self.problem.options.reverse,
         )  # fmt: skip
@@ -288,8 +291,8 @@ class Optimizer:
             [(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)]
         )
         begin_of_solve = perf_counter()
-        answer = solver(shape, self.iterations).solve(
-            parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n
+        answer = solver(shape).solve(
+            parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n, self.iterations
         )
         self._took.append(perf_counter() - begin_of_solve)
         if answer is None:
@@ -297,6 +300,8 @@ class Optimizer:
         x, u = answer
         duration = float(x[-1, -1]) * time
         coordinates = x[:, 3 : 3 + shape.size] * unit
+        exact = 1 if begin.given == "rest" else shape.size
+        coordinates[0, :exact] = begin.coordinates[:exact]
         change, bow = np.diff(coordinates, axis=0) * n / duration, np.zeros((n, shape.size))
         if shape.jerk:
             change, bow = x[:-1, 3 + shape.size : 3 + 2 * shape.size] * unit / time, u * unit / time**2 / 2
@@ -337,6 +342,11 @@ class Optimizer:
         if self._is_jerk_limited or self._coordinates != "car" or not robot.drive.rolling_law().steered.any():
             return hastened(motion, robot.limits, partial(self.is_over, 0.0))
         return rounded(motion, robot.limits, self.problem.options.sample_period)
+
+
+def _duration(motion: Phases | Curves) -> float:
+    """s; of a path, that of the slowest motion along it."""
+    return motion.duration if isinstance(motion, Phases) else math.inf
 
 
 def _between(values: Array, shares: Array) -> Array:

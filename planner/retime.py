@@ -9,9 +9,9 @@ The way is parametrized by the time σ at which the given motion is there. With 
 
 As the given motion starts and ends at rest, any σ̇ does, at the ends too; σ̇ = 1 is the motion itself. Between
 fixed stations σ_k the new law is cubic: σ̇ and σ̈ at the stations are states, σ⃛ and the time to the next
-station are controls of an optimal control problem, stated in CasADi and solved by Fatrop.
+station are controls of an optimal control problem.
 
-Sources: Verscheure et al. (2009), time-optimal path tracking; Vanroye et al. (2023), Fatrop.
+Source: Verscheure et al. (2009), time-optimal path tracking.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ _LEAST, _FASTEST = 1e-3, 20.0
 """Bounds of σ̇."""
 _ROUNDS, _EXACT = 3, 2e-3
 """How often a law is sought, as long as the last one must be slowed by more than this share."""
+_ITERATIONS = 100
 _EFFORT = 0.3
 """What σ⃛ is weighed with, in units of a mean interval: it settles what the limits leave open."""
 
@@ -244,9 +245,9 @@ def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
     ], 1)  # fmt: skip
     start = 1 / slack
     still = np.zeros(n)
-    found = _solver(n, rows).solve(
+    found = _solver(rows).solve(
         np.column_stack([np.full(n + 1, start), np.zeros(n + 1)]),
-        np.column_stack([still, way / unit / start]), parameters, np.append(tight, top[-1]),
+        np.column_stack([still, way / unit / start]), parameters, np.append(tight, [top[-1], n]), _ITERATIONS,
     )  # fmt: skip
     if found is None:
         return None
@@ -259,12 +260,12 @@ def _fastest(given: _Rates, stations: Array, slack: float) -> Profile | None:
 
 
 @lru_cache(maxsize=32)
-def _solver(n: int, rows: int) -> Program:
-    """The solver for n intervals and so many rates whose accelerations and jerks are limited."""
+def _solver(rows: int) -> Program:
+    """The solver for so many rates whose accelerations and jerks are limited."""
     x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 2)
-    p, shared = ca.SX.sym("p", 3 + 9 * rows), ca.SX.sym("shared", rows + 1)
+    p, shared = ca.SX.sym("p", 3 + 9 * rows), ca.SX.sym("shared", rows + 2)
     rate, change, jerk, step = x[0], x[1], u[0], u[1]
-    way, top, middle, tight, end = p[0], p[1], p[2], shared[:-1], shared[-1]
+    way, top, middle, tight, end = p[0], p[1], p[2], shared[:-2], shared[-2]
     (first, second, third, first_after, second_after, third_after, first_between, second_between,
      third_between) = ca.vertsplit(p[3:], rows)  # fmt: skip
     after = ca.vertcat(rate + step * (change + step * jerk / 2), change + step * jerk)
@@ -286,7 +287,7 @@ def _solver(n: int, rows: int) -> Program:
     ]
     stage = Stage(
         x, u, p, shared, after,
-        cost=(step + _EFFORT * jerk**2) / n,
+        cost=(step + _EFFORT * jerk**2) / shared[-1],
         held=[Rows([moved - way], 0, 0), Rows([rate / top], _LEAST, 1), Rows([step], _LEAST, math.inf),
               Rows(limited, -1, 1)],
         first=[Rows([change, jerk], 0, 0)],
@@ -294,4 +295,4 @@ def _solver(n: int, rows: int) -> Program:
         last=[Rows([rate / end], _LEAST, 1), Rows([change], 0, 0)],
         last_cost=ca.SX(0),
     )  # fmt: skip
-    return program(stage, n, {"tol": 1e-6, "mu_init": 1e-4, "max_iter": 100})
+    return program(stage, 1e-6, 1e-4)

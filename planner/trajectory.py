@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drives.drive import ActuatorPath, BodyPath, Drive
 from drives.se2 import Array, Pose
 from planner import sampling
+from planner.flow import headings, positions, values
 from planner.path import Curve
 from planner.schedule import WheelSchedule
 
@@ -198,10 +198,6 @@ class Warped:
         return end
 
 
-_GAUSS_AT = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
-_GAUSS_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Flowing:
     """A motion whose coordinates are polynomials in time between knots. A phase is one from rest to rest.
@@ -265,21 +261,9 @@ class Flowing:
         every: Array = self._poses(knots, self.start.theta + self._turned(knots))[here]
         return every
 
-    def _at(self, t: Array) -> tuple[Array, Array]:
-        """Coordinates and their rates (n, c) at times t (n,)."""
-        i, u = self._interval(t)
-        value = rate = np.zeros((len(t), self.coefficients.shape[2]))
-        for c in reversed(self.coefficients.swapaxes(0, 1)):
-            value, rate = c[i] + u * value, value + u * rate
-        return value, rate
-
-    def _interval(self, t: Array) -> tuple[NDArray[np.intp], Array]:
-        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 2)
-        return i, (t - self.time[i])[:, None]
-
     def _twist(self, t: Array) -> tuple[Array, Array]:
         """Twists and their rates (n, 3)."""
-        q, dq = self._at(t)
+        q, dq = values(self.time, self.coefficients, t)
         if q.shape[1] == 3:
             return q, dq
         zero = np.zeros(len(t))
@@ -290,38 +274,15 @@ class Flowing:
 
     def _direction(self, t: Array) -> tuple[Array, Array]:
         """Tangents (1, 0, curvature) and their rates in time (n, 3)."""
-        q, dq = self._at(t)
+        q, dq = values(self.time, self.coefficients, t)
         one, zero = np.ones(len(t)), np.zeros(len(t))
         return np.stack([one, zero, q[:, 1]], -1), np.stack([zero, zero, dq[:, 1]], -1)
 
     def _turned(self, t: Array) -> Array:
         """Change of heading (n,) since the start, exact: omega is a polynomial."""
-        c = self.coefficients
-        if self.curves:
-            v, k = c[..., 0], c[..., 1]
-            degrees = range(c.shape[1])
-            omega = np.zeros((len(c), 2 * len(degrees) - 1))
-            for a in degrees:
-                for b in degrees:
-                    omega[:, a + b] += v[:, a] * k[:, b]
-        else:
-            omega = c[..., -1]
-        power = np.arange(omega.shape[1])
-        i, u = self._interval(np.concatenate([self.time[1:], t]))
-        i[: len(c)] = np.arange(len(c))
-        u[: len(c), 0] = np.diff(self.time)
-        part = (omega[i] / (power + 1) * u ** (power + 1)).sum(1)
-        whole = np.concatenate([[0.0], np.cumsum(part[: len(c)])])
-        turned: Array = whole[i[len(c) :]] + part[len(c) :]
-        return turned
+        return headings(self.time, self.coefficients, self.curves, t)
 
     def _poses(self, t: Array, heading: Array) -> Array:
         """Poses (n, 3) at increasing times t from 0 that include the knots, by Gauss's rule between them."""
-        nodes = (t[:-1, None] + np.diff(t)[:, None] * _GAUSS_AT).ravel()
-        theta = self.start.theta + self._turned(nodes)
-        twist, _ = self._twist(nodes)
-        c, s = np.cos(theta), np.sin(theta)
-        velocity = np.stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]], -1)
-        step = np.diff(t)[:, None] * np.tensordot(velocity.reshape(-1, 3, 2), _GAUSS_WEIGHT, (1, 0))
-        xy = np.concatenate([np.zeros((1, 2)), np.cumsum(step, 0)]) + self.start[:2]
-        return np.column_stack([xy, heading])
+        place = positions(self.time, self.coefficients, self.curves, self.start.theta, t)
+        return np.column_stack([place + self.start[:2], heading])
