@@ -35,14 +35,7 @@ from planner.estimate import pace
 from planner.path import Path, as_path, as_steps
 from planner.problem import Options, Robot
 
-__all__ = [
-    "Connector",
-    "CurveConnector",
-    "LineConnector",
-    "Motions",
-    "PivotConnector",
-    "connector",
-]
+__all__ = ["Connector", "Motions", "connector"]
 
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
