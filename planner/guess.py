@@ -17,7 +17,7 @@ import numpy as np
 from drives.drive import BodyPath, Drive, Limits
 from drives.se2 import Array
 from planner.environment import CollisionWorld
-from planner.path import Curve, TwistPiece
+from planner.path import Curve
 from planner.problem import Robot
 from planner.time_law import cruising_speed
 from planner.trajectory import Driven, Phases
@@ -161,32 +161,19 @@ class Cruise(NamedTuple):
 @lru_cache(maxsize=16)
 def cruising(path: Curves, drive: Drive, limits: Limits) -> Cruise:
     """Along the pieces of a path, always as fast as rates allow."""
-    times, poses, twists = [], [], []
-    # Pieces along which a twist is held are one path together: only rates count.
-    held = [piece.body_path(_SHARES[:1]) for piece in path if isinstance(piece, TwistPiece)]
-    steady = iter(cruising_speed(drive, limits, _joined(held)).tolist() if held else [])
-    begin = 0.0
-    for piece in path:
-        along = piece.body_path(_SHARES)
-        if isinstance(piece, TwistPiece):
-            speed = np.full(len(_SHARES), next(steady))
-        else:
-            speed = cruising_speed(drive, limits, along)
-        lasting = np.diff(_SHARES) * (1 / speed[1:] + 1 / speed[:-1]) / 2
-        times.append(begin + np.concatenate([[0.0], np.cumsum(lasting)]))
-        poses.append(piece.poses(_SHARES))
-        twists.append(along.tangent * speed[:, None])
-        begin = float(times[-1][-1])
-    return Cruise(np.concatenate(times), np.concatenate(poses), np.concatenate(twists))
-
-
-def _joined(paths: list[BodyPath]) -> BodyPath:
-    """One path of the first points of some."""
+    along = [piece.body_path(_SHARES) for piece in path]
+    poses = np.concatenate([piece.poses(_SHARES) for piece in path])
     heading, tangent, change = (
-        np.concatenate([getattr(path, name)[:1] for path in paths])
+        np.concatenate([getattr(each, name) for each in along])
         for name in ("heading", "tangent", "tangent_derivative")
     )
-    return BodyPath(np.arange(float(len(paths))), heading, tangent, change)
+    # One path, as only rates count; from one piece to the next is some way, too.
+    s = (2 * np.arange(len(path))[:, None] + _SHARES).ravel()
+    speed = cruising_speed(drive, limits, BodyPath(s, heading, tangent, change))
+    slowness = (1 / speed).reshape(len(path), -1)
+    lasting = np.diff(_SHARES) * (slowness[:, 1:] + slowness[:, :-1]) / 2
+    time = np.cumsum(np.append(np.zeros((len(path), 1)), lasting, 1))
+    return Cruise(time, poses, tangent * speed[:, None])
 
 
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:
