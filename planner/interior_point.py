@@ -31,6 +31,8 @@ _PUSH = 0.1
 """How far inside its bounds a row begins at least, or as a share of the room between them."""
 _SHARE, _POWER, _DONE = 0.2, 1.3, 10.0
 """The barrier's next value, as a share or a power of it, once the error is below so many times it."""
+_STAY, _ROUGHLY = 8, 0.05
+"""After so many iterations with one barrier, an error that is enough for the next one."""
 _HALVINGS = 12
 _LESS_VIOLATION, _LESS_OBJECTIVE, _ARMIJO = 1e-5, 1e-8, 1e-8
 """What a step must gain of either, as shares of the violation, and of what is to be expected."""
@@ -79,6 +81,7 @@ def solve(
     law = Law(np.empty((n + 1, m, m)), np.empty((n + 1, m)), np.empty((n, z - m)), np.empty((n, z - m, m)))
     past, known = np.empty((iterations + 1, 2)), 0
     worst = 0.0
+    stayed = 0
     shift = 0.0
     for iteration in range(iterations + 1):
         run(stages.whole, given, work, out)
@@ -93,9 +96,14 @@ def solve(
         if iteration == 0:
             worst = max(1.0, violation)
         least = tolerance / 10
-        while barrier > least and max(error, _complementarity(slacks, barrier)) < _DONE * barrier:
+        stayed += 1
+        while barrier > least and (
+            stayed > _STAY
+            and error < _ROUGHLY
+            or max(error, _complementarity(slacks, barrier)) < _DONE * barrier
+        ):
             barrier = max(least, min(_SHARE * barrier, barrier**_POWER))
-            known = 0
+            known = stayed = 0
         # Newton's step.
         _weigh(slacks, parts.rows, multipliers[m:], barrier, weight, push)
         condense(stages, parts, weight, push, hessian, gradient)
