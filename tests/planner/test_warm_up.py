@@ -46,7 +46,12 @@ def test_plans_after_the_warm_up_find_every_kernel_ready(
     problems += [ask(kind, *JOURNEYS["floor"], steering=0.1) for kind in ("tricycle", "swerve")]
     problems += [ask(kind, *JOURNEYS["clutter"], clutter, reverse=False) for kind in ("tricycle", "tracked")]
     problems += [ask(kind, *JOURNEYS["floor"], shut) for kind in ("omni", "tricycle", "tracked")]
-    problems += [ask("mecanum", *JOURNEYS["clutter"], clutter, limits={"wheel_jerk": 80.0})]
+    jerk = {"wheel_jerk": 80.0}
+    problems += [ask("mecanum", *JOURNEYS["clutter"], clutter, limits=jerk)]
+    problems += [
+        ask(kind, *JOURNEYS["clutter"], clutter, effort="good", limits=jerk)
+        for kind in ("ackermann", "swerve")
+    ]
     done = subprocess.run(
         [sys.executable, "-c", LATE], input=pickle.dumps(problems), capture_output=True, check=True,
         timeout=240, cwd=Path(__file__).parents[2],
