@@ -7,13 +7,13 @@ RUN python -m venv --without-pip /opt/wheelplan
 COPY requirements.lock .
 RUN pip --python /opt/wheelplan/bin/python install --only-binary :all: --require-hashes -r requirements.lock
 
-# CasADi brings some twenty solvers, each library up to three times, with headers; Fatrop is the one in use. The last
-# line fails where something is missing that it needs.
+# CasADi brings some twenty solvers, each library up to three times, with headers; only its expressions are in use.
+# The last line fails where something is missing that they need.
 RUN cd /opt/wheelplan/lib/python3.11/site-packages \
  && find casadi -mindepth 1 -maxdepth 1 ! -name '*.py' ! -name tools ! -name __pycache__ \
-      ! -name _casadi.so ! -name 'libcasadi.so.*' ! -name libcasadi_nlpsol_fatrop.so ! -name 'libfatrop.so.*' ! -name 'libblasfeo.so.0' -exec rm -r {} + \
+      ! -name _casadi.so ! -name 'libcasadi.so.*' -exec rm -r {} + \
  && find numpy scipy numba matplotlib -type d -name tests -prune -exec rm -r {} + \
- && /opt/wheelplan/bin/python -c "import casadi; casadi.load_nlpsol('fatrop')"
+ && /opt/wheelplan/bin/python -c "import casadi; casadi.hessian(casadi.SX.sym('x'), casadi.SX.sym('y'))"
 
 # Only the build needs setuptools; its pin and hashes are in the development lock.
 COPY requirements-dev.lock .

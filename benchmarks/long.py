@@ -19,11 +19,11 @@ import numpy as np
 
 from benchmarks.duration.robots import ROBOTS
 from drives.drive import Car, Holonomic
-from drives.se2 import Pose
+from drives.se2 import Pose, Twist
 from planner.connect import connector
 from planner.environment import CollisionWorld
 from planner.optimize import Optimizer
-from planner.path import LinePiece, Path, Piece, arc, merge, pivot
+from planner.path import LinePiece, Path, Piece, TwistPiece, merge
 from planner.problem import Bounds, Environment, Goal, Options, Polygon, Problem, Robot
 from planner.shorten import shorten
 from planner.time_law import time_path
@@ -60,13 +60,14 @@ def serpentine(robot: Robot, length: float) -> tuple[Problem, Path]:
             above = moved(beside, 0.0, width)
             legs: list[Piece] = [LinePiece(pose, beside), LinePiece(beside, above)]
         elif radius:
-            ahead = arc(pose, 0.0, straight)
-            legs = [ahead, arc(ahead.end, side / radius, bend)]
+            ahead = TwistPiece(pose, Twist(straight, 0.0, 0.0))
+            legs = [ahead, TwistPiece(ahead.end, Twist(bend, 0.0, side / radius * bend))]
         else:
-            ahead = arc(pose, 0.0, straight)
-            turn = pivot(ahead.end, side * math.pi / 2)
-            across = arc(turn.end, 0.0, width)
-            legs = [ahead, turn, across, pivot(across.end, side * math.pi / 2)]
+            quarter = Twist(0.0, 0.0, side * math.pi / 2)
+            ahead = TwistPiece(pose, Twist(straight, 0.0, 0.0))
+            turn = TwistPiece(ahead.end, quarter)
+            across = TwistPiece(turn.end, Twist(width, 0.0, 0.0))
+            legs = [ahead, turn, across, TwistPiece(across.end, quarter)]
         pieces += legs if k < aisles - 1 else legs[:1]
         pose = pieces[-1].end
     floor = Environment(Bounds(-beyond, 0.0, straight + beyond, aisles * width), tuple(walls))

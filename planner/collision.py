@@ -22,7 +22,7 @@ from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, windi
 
 __all__ = [
     "CONTACT", "World", "beyond", "body_point", "clear", "clearances", "field_bounds", "fill_field",
-    "footprint_heading", "pose_clearance", "pose_clearance_at_least", "pose_free", "solid", "surely_hits",
+    "footprint_heading", "in_body", "pose_clearance_at_least", "pose_free", "solid", "surely_hits",
     "to_local",
 ]  # fmt: skip
 
@@ -166,6 +166,15 @@ def _inner(world: World, x: float, y: float, c: float, s: float) -> tuple[float,
 
 
 @kernel
+def in_body(
+    world: World, i: int, x: float, y: float, c: float, s: float
+) -> tuple[float, float, float, float]:
+    """Both ends of the segment at place i, seen from a body at (x, y) and heading (c, s)."""
+    ax, ay, bx, by = world[i] - x, world[i + 1] - y, world[i + 2] - x, world[i + 3] - y
+    return c * ax + s * ay, c * ay - s * ax, c * bx + s * by, c * by - s * bx
+
+
+@kernel
 def _gap(world: World, x: float, y: float, c: float, s: float, best: float, enough: float) -> float:
     """Distance (m) from the footprint polygon, at (x, y) and heading (c, s), to the nearest segment less its
     radius, or `best` if smaller; at most 0 when they overlap. One up to `enough` ends the search."""
@@ -186,10 +195,7 @@ def _gap(world: World, x: float, y: float, c: float, s: float, best: float, enou
         count = int(world[i + 5])
         i += HEAD
         for _ in range(count):
-            dx, dy = world[i] - x, world[i + 1] - y
-            ax, ay = c * dx + s * dy, c * dy - s * dx
-            dx, dy = world[i + 2] - x, world[i + 3] - y
-            bx, by = c * dx + s * dy, c * dy - s * dx
+            ax, ay, bx, by = in_body(world, i, x, y, c, s)
             radius = world[i + 4]
             i += SIZE
             limit = best + radius

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
-from drives.se2 import Array, Pose
-from planner.curves import SEGMENTS
+from drives.se2 import Array
 from planner.edges import (
     CURVE,
     LINE,
@@ -27,25 +26,16 @@ from planner.edges import (
     PIVOT,
     Law,
     duration,
-    joined,
     motions_between,
     motions_free,
     step_times,
 )
 from planner.environment import CollisionWorld
 from planner.estimate import pace
-from planner.path import LinePiece, Path, as_path, as_steps
+from planner.path import Path, as_path, as_steps
 from planner.problem import Options, Robot
 
-__all__ = [
-    "Connector",
-    "CurveConnector",
-    "LineConnector",
-    "Motions",
-    "PivotConnector",
-    "connector",
-    "is_path_free",
-]
+__all__ = ["Connector", "Motions", "connector"]
 
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
@@ -56,16 +46,6 @@ in units of the connector's."""
 
 _ALL = slice(None)
 _NONE = np.zeros(0)
-
-
-def is_path_free(world: CollisionWorld, path: Path) -> bool:
-    """Whether the footprint is clear everywhere along the path."""
-    return all(
-        world.linear_free(piece.start, piece.end)
-        if isinstance(piece, LinePiece)
-        else world.twist_free(piece.start, piece.twist)
-        for piece in path
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,32 +107,18 @@ class Connector(ABC):
     def law(self) -> Law:
         """How it moves, for compiled code."""
 
-    def motions(self, a: Array, b: Array, ways: int = _WAYS) -> Motions:
-        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π; of curves, so many of the
-        quickest."""
-        times, steps = motions_between(self.law, a, b, self.ways(ways))
+    def motions(self, a: Array, b: Array) -> Motions:
+        """Ways from poses a (n, 3) to poses b (n, 3), headings of b taken mod 2π; of curves, the quickest."""
+        times, steps = motions_between(self.law, a, b, self.ways(_WAYS))
         return Motions(self.world, a, times, steps, self.law.kind == LINE)
 
     def ways(self, most: int) -> int:
         """How many ways of joining two poses there are to try, where more than `most` are not asked for."""
         return most
 
-    def edge_free(self, a: Pose, b: Pose) -> bool:
-        """Whether the shortest motion from a to b is free: quick, for the inside of a search."""
-        kind, reverse, _, radius = self.law[:4]
-        return bool(joined(self.world.kernel, kind, radius, reverse, *a, *b, np.empty((SEGMENTS, 3))))
-
     def direct(self, a: Array, b: Array) -> list[Motions]:
         """All motions worth trying before any search."""
         return [self.motions(a, b)]
-
-    def connect(self, a: Pose, b: Pose) -> Path | None:
-        """The quickest free motion from a to b, or None."""
-        motions = self.motions(np.array([a]), np.array([b]))
-        for way in np.argsort(motions.times[0], kind="stable").tolist():
-            if motions.times[0, way] < np.inf and motions.free(_ALL, slice(way, way + 1))[0, 0]:
-                return motions.path(0, way)
-        return None
 
     @cached_property
     def reversal(self) -> float:

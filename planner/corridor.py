@@ -20,6 +20,7 @@ from planner.collision import (
     X,
     Y,
     footprint_heading,
+    in_body,
     to_local,
 )  # fmt: skip
 from planner.tree import HEAD, SIZE, closest, kernel
@@ -137,10 +138,7 @@ def _find(
         count = int(world[i + 5])
         i += HEAD
         for _ in range(count):
-            dx, dy = world[i] - x, world[i + 1] - y
-            ax, ay = c * dx + s * dy, c * dy - s * dx
-            dx, dy = world[i + 2] - x, world[i + 3] - y
-            bx, by = c * dx + s * dy, c * dy - s * dx
+            ax, ay, bx, by = in_body(world, i, x, y, c, s)
             thick = world[i + 4]
             i += SIZE
             square, px, py, fx, fy = np.inf, 0.0, 0.0, 0.0, 0.0

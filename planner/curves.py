@@ -3,8 +3,9 @@
 A word is a sequence of at most five segments (curvature, signed length): an arc to the left (L, curvature
 1/radius), to the right (R, -1/radius) or a straight (S, 0), driven forwards (+) or backwards (-).
 
-The kernels may be called from compiled code. They measure lengths in turning radii and take the goal as
-(x, y, phi) in the frame of the start: x forward, y left, phi counter-clockwise in rad.
+The kernels measure lengths in turning radii and take the goal as (x, y, phi) in the frame of the start: x
+forward, y left, phi counter-clockwise in rad. First and last arcs go up to 2π; inner arcs take the smaller of
+their two values.
 
 Derivation, in the complex plane. An arc of curvature k through z, heading h, turns about z + i·k·e^{ih}. So
 at a joint of heading h a change of curvature to k' moves the centre by i·(k' - k)·e^{ih}, and a straight of
@@ -20,33 +21,22 @@ one more, whose middle arc exceeds π.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar, cast
 
 import numpy as np
-from numba import njit
 
-from drives.se2 import Array, Pose, Twist, between, compose, exp, wrap
+from planner.tree import kernel
 
 __all__ = [
-    "Word",
-    "candidates",
-    "dubins_words",
-    "reeds_shepp_words",
+    "DUBINS",
+    "DUBINS_END",
+    "REEDS_SHEPP",
+    "REEDS_SHEPP_END",
+    "SEGMENTS",
     "shortest",
-    "shortest_length",
-    "shortest_word",
-    "warm_up",
-    "word_length",
+    "solve_word",
+    "word_reaches",
+    "word_segment",
 ]
-
-_F = TypeVar("_F", bound=Callable[..., object])
-
-
-def _kernel(function: _F) -> _F:
-    return cast(_F, njit(cache=True, error_model="numpy")(function))
-
 
 _TWO_PI = 2 * math.pi
 # Rounding turns an arc of zero into one of nearly 2π: arcs (rad) and straights (radii) below _SNAP are zero.
@@ -108,26 +98,26 @@ def _fill_tables() -> None:
 _fill_tables()
 
 
-@_kernel
+@kernel
 def _arc(angle: float) -> float:
     """The angle in [0, 2π), zero where it is zero but for rounding."""
     angle -= _TWO_PI * math.floor(angle / _TWO_PI)
     return 0.0 if angle < _SNAP or angle > _TWO_PI - _SNAP else angle
 
 
-@_kernel
+@kernel
 def _root(square: float) -> float:
     """The square root, zero where the square is zero but for rounding, NaN where it is negative."""
     return 0.0 if abs(square) < 4 * _EDGE else float(np.sqrt(square))
 
 
-@_kernel
+@kernel
 def _acos(cosine: float) -> float:
     """The arc cosine, zero where the cosine is one but for rounding, NaN where it is above."""
     return 0.0 if abs(1 - cosine) < _EDGE else float(np.arccos(cosine))
 
 
-@_kernel
+@kernel
 def solve_word(
     row: int, x: float, y: float, phi: float, s: float, c: float, bound: float
 ) -> tuple[float, float, float, float]:
@@ -187,7 +177,7 @@ def solve_word(
     return (length if length < bound else math.inf), t, u, v
 
 
-@_kernel
+@kernel
 def word_segment(row: int, i: int, word: tuple[float, float, float, float]) -> tuple[float, float]:
     """Curvature and signed length of the i-th of its SEGMENTS."""
     of = _COEFFICIENT[row, i]
@@ -195,7 +185,7 @@ def word_segment(row: int, i: int, word: tuple[float, float, float, float]) -> t
     return _CURVATURE[row, i], of[0] * t + of[1] * u + of[2] * v + of[3] * (math.pi / 2)
 
 
-@_kernel
+@kernel
 def word_reaches(
     row: int, word: tuple[float, float, float, float], x: float, y: float, s: float, c: float
 ) -> bool:
@@ -214,21 +204,7 @@ def word_reaches(
     return error <= _MISS * (1 + abs(x) + abs(y))
 
 
-@_kernel
-def _words(start: int, end: int, x: float, y: float, phi: float) -> tuple[Array, Array, int]:
-    curvature, length = np.zeros((end - start, 5)), np.zeros((end - start, 5))
-    s, c = math.sin(phi), math.cos(phi)
-    count = 0
-    for row in range(start, end):
-        word = solve_word(row, x, y, phi, s, c, math.inf)
-        if word[0] < math.inf and word_reaches(row, word, x, y, s, c):
-            for i in range(SEGMENTS):
-                curvature[count, i], length[count, i] = word_segment(row, i, word)
-            count += 1
-    return curvature, length, count
-
-
-@_kernel
+@kernel
 def shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, tuple[float, float, float, float]]:
     """Row and word of the shortest; inf and NaN where there is none."""
     row, best = 0, (math.inf, math.nan, math.nan, math.nan)
@@ -238,115 +214,3 @@ def shortest(x: float, y: float, phi: float, reverse: bool) -> tuple[int, tuple[
         if word[0] < math.inf and word_reaches(k, word, x, y, s, c):
             row, best = k, word
     return row, best
-
-
-@_kernel
-def reeds_shepp_words(x: float, y: float, phi: float) -> tuple[Array, Array, int]:
-    """Every one of the 48 words of Reeds and Shepp (1990, §8) that reaches the goal, unsorted.
-
-    Arcs go up to 2π, beyond any in a shortest word; inner arcs take the smaller of their two values. Returns
-    curvature (48, 5) of -1, 0, 1, signed length (48, 5) in radii, and the number of words; zeros follow them.
-    """
-    return _words(REEDS_SHEPP, REEDS_SHEPP_END, x, y, phi)
-
-
-@_kernel
-def dubins_words(x: float, y: float, phi: float) -> tuple[Array, Array, int]:
-    """Every word of Dubins (1957), LRL, RLR, LSL, RSR, LSR, RSL, that reaches the goal, unsorted.
-
-    Returns curvature (6, 5), length (6, 5) and number as reeds_shepp_words does; no length is negative.
-    """
-    return _words(0, DUBINS_END, x, y, phi)
-
-
-@_kernel
-def shortest_word(x: float, y: float, phi: float, reverse: bool) -> tuple[Array, Array]:
-    """The shortest word: of Reeds and Shepp with reverse, of Dubins without. Of equal words the first wins.
-
-    Returns curvature (5,) of -1, 0, 1 and signed length (5,) in radii, NaN where the goal is not finite.
-    """
-    curvature, length = np.zeros(5), np.zeros(5)
-    row, word = shortest(x, y, phi, reverse)
-    for i in range(SEGMENTS):
-        curvature[i], length[i] = word_segment(row, i, word)
-    return curvature, length
-
-
-@_kernel
-def shortest_length(x: float, y: float, phi: float, reverse: bool) -> float:
-    """The length of shortest_word, in turning radii, without the word; inf where the goal is not finite."""
-    return shortest(x, y, phi, reverse)[1][0]
-
-
-@_kernel
-def word_length(length: Array) -> float:
-    """The distance travelled along a word whose segments have these signed lengths, shape (n,), any unit."""
-    total = 0.0
-    for i in range(length.shape[0]):
-        total += abs(length[i])
-    return total
-
-
-def warm_up() -> None:
-    """Compile every kernel, or load it from numba's cache, for the types used in production."""
-    reeds_shepp_words(1.0, 0.5, 0.25)
-    dubins_words(1.0, 0.5, 0.25)
-    shortest_length(1.0, 0.5, 0.25, True)
-    word_length(shortest_word(1.0, 0.5, 0.25, True)[1])
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """Segments (curvature in 1/m, left positive; length in m, negative backwards), in order of travel."""
-
-    segments: tuple[tuple[float, float], ...]
-
-    @property
-    def length(self) -> float:
-        """The distance travelled, m."""
-        return math.fsum(abs(length) for _, length in self.segments)
-
-    def end(self, start: Pose) -> Pose:
-        """The pose that the word leads to from this start; its heading counts whole turns."""
-        pose = start
-        for curvature, length in self.segments:
-            pose = compose(pose, exp(Twist(length, 0.0, curvature * length)))
-        return pose
-
-
-def candidates(start: Pose, goal: Pose, radius: float, reverse: bool) -> list[Word]:
-    """The distinct words from start to goal (world frame), shortest first, equal ones in kernel order.
-
-    They are those of Reeds and Shepp with reverse, of Dubins without; none turns tighter than radius (m).
-    Empty segments are left out and ones that continue others joined: identical poses give an empty word.
-
-    Raises:
-        ValueError: radius is not positive, or a number is not finite.
-    """
-    if not (math.isfinite(radius) and radius > 0 and all(map(math.isfinite, (*start, *goal)))):
-        raise ValueError(f"poses must be finite and radius positive: {start=}, {goal=}, {radius=}")
-    relative = between(start, goal)
-    kernel = reeds_shepp_words if reverse else dubins_words
-    curvature, length, count = kernel(relative.x / radius, relative.y / radius, wrap(relative.theta))
-    words: list[Word] = []
-    for ks, ls in zip(curvature[:count].tolist(), length[:count].tolist(), strict=True):
-        word = _joined([(k / radius, radius * part) for k, part in zip(ks, ls, strict=True) if part != 0])
-        if not any(_same(word, other, 1e-9 * radius) for other in words):
-            words.append(word)
-    return sorted(words, key=lambda word: round(word.length / radius, 9))
-
-
-def _joined(segments: list[tuple[float, float]]) -> Word:
-    joined: list[tuple[float, float]] = []
-    for curvature, length in segments:
-        if joined and joined[-1][0] == curvature and (joined[-1][1] > 0) == (length > 0):
-            length += joined.pop()[1]
-        joined.append((curvature, length))
-    return Word(tuple(joined))
-
-
-def _same(a: Word, b: Word, tolerance: float) -> bool:
-    return len(a.segments) == len(b.segments) and all(
-        k_a == k_b and abs(l_a - l_b) <= tolerance
-        for (k_a, l_a), (k_b, l_b) in zip(a.segments, b.segments, strict=True)
-    )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
-from planner.collision import INNER_RADIUS, surely_hits
+from planner.collision import INNER_RADIUS, World, surely_hits
 from planner.curves import (
     DUBINS,
     DUBINS_END,
@@ -26,8 +26,8 @@ from planner.curves import (
     word_reaches,
     word_segment,
 )
-from planner.environment import World, linear_free, twist_free
 from planner.estimate import step_duration
+from planner.sweep import linear_free, twist_free
 from planner.tree import kernel
 
 __all__ = [
@@ -38,7 +38,6 @@ __all__ = [
     "PIVOT",
     "Law",
     "bound",
-    "curve",
     "duration",
     "joined",
     "motion_free",
@@ -296,7 +295,7 @@ def motions_free(world: World, start: Array, steps: Array, straight: bool) -> ND
 
 
 @kernel
-def curve(
+def _curve(
     ax: float, ay: float, ath: float, bx: float, by: float, bth: float, radius: float, reverse: bool,
     steps: Array,
 ) -> None:  # fmt: skip
@@ -320,7 +319,7 @@ def joined(
         steps[0, 0], steps[0, 1], steps[0, 2] = bx - ax, by - ay, turn
         return motion_free(world, np.array([ax, ay, ath]), steps[:1], True)
     if kind == CURVE:
-        curve(ax, ay, ath, bx, by, bth, radius, reverse, steps)
+        _curve(ax, ay, ath, bx, by, bth, radius, reverse, steps)
         return motion_free(world, np.array([ax, ay, ath]), steps, False)
     dx, dy = bx - ax, by - ay
     distance = math.sqrt(dx * dx + dy * dy)

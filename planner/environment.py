@@ -12,40 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drives.se2 import Array, Pose, Twist
-from planner.collision import (
-    TABLES,
-    World,
-    beyond,
-    clearances,
-    fill_field,
-    pose_clearance,
-    pose_clearance_at_least,
-    pose_free,
-)
+from drives.se2 import Array, Pose
+from planner.collision import TABLES, World, beyond, clearances, fill_field, pose_free
 from planner.errors import InvalidGeometry
 from planner.kept import keep, recall
 from planner.polygon import check_simple_polygon, footprint_polygon, inner_disc, outline, outlines
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, MapLayer, Polygon
 from planner.separation import Separation, separate
-from planner.sweep import linear_free, polyline_free, twist_free
+from planner.sweep import polyline_free
 from planner.tree import plant
 
-__all__ = [
-    "CollisionWorld",
-    "Separation",
-    "World",
-    "check_simple_polygon",
-    "footprint_polygon",
-    "linear_free",
-    "polyline_free",
-    "pose_clearance",
-    "pose_clearance_at_least",
-    "pose_free",
-    "prepare_map",
-    "twist_free",
-    "warm_up",
-]
+__all__ = ["CollisionWorld", "check_simple_polygon", "prepare_map"]
 
 _FIELD_CELLS = 2**13  # at most about so many over bounds,
 _FIELD_SIDE = 512  # in a row or column of them,
@@ -56,7 +33,7 @@ _MAP_FIELD_CELLS = 2**17  # and over a map
 class CollisionWorld:
     """An environment and the footprint that moves in it. Poses are the body origin's in the world, m and rad.
 
-    `kernel` is what the compiled questions (pose_free, linear_free, …) take; the methods ask the same ones.
+    `kernel` is what compiled questions (pose_free, twist_free, …) take; the methods ask some of them.
     Gaps up to 1e-5 m count as contact. Outside the bounds and outside the map everything is closed.
     """
 
@@ -111,38 +88,14 @@ class CollisionWorld:
         it lies inside them, free or not."""
         return float(beyond(self.kernel, float(pose[0]), float(pose[1]), float(pose[2])))
 
-    def linear_free(self, a: Pose, b: Pose) -> bool:
-        """Whether every pose from a to b, interpolated in x, y and theta as given (not wrapped), is free."""
-        return bool(linear_free(self.kernel, *(float(v) for v in (*a, *b))))
-
-    def twist_free(self, a: Pose, twist: Twist) -> bool:
-        """Whether every pose from a is free while a twist is held for one second."""
-        return bool(twist_free(self.kernel, *(float(v) for v in (*a, *twist))))
-
     def polyline_free(self, poses: Array) -> int:
-        """The first i for which linear_free from poses[i] to poses[i + 1] is false, or -1. poses (n, 3)."""
+        """The first i for which a line from poses[i] to poses[i + 1] is not free, or -1. poses (n, 3),
+        headings as given (not wrapped)."""
         return int(polyline_free(self.kernel, np.array(poses, dtype=np.float64).reshape(-1, 3)))
 
     def separation(self, start: Pose, goal: Goal) -> Separation | None:
         """A proof that no path exists, or None: see planner.separation."""
         return separate(self.kernel, start, goal)
-
-
-def warm_up() -> None:
-    """Compile every kernel, or load it from the cache, with the types that production uses."""
-    square = Footprint(np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]))
-    wall = Polygon(np.array([[0.9, -1.0], [1.1, -1.0], [1.1, 1.0], [0.9, 1.0]]))
-    world = CollisionWorld.build(Environment(Bounds(-2, -1, 2, 1), (wall, Circle(0.0, 0.7, 0.1))), square)
-    a, b = Pose(0.0, 0.0, 0.0), Pose(1.0, 0.0, 0.5)
-    world.clearance(np.array([a, b]))
-    world.is_free(a)
-    world.beyond(a)
-    world.linear_free(a, b)
-    world.twist_free(a, Twist(1.0, 0.0, 0.5))
-    world.polyline_free(np.array([a, b]))
-    pose_clearance_at_least(world.kernel, 0.0, 0.0, 0.0, 0.1)
-    pose_clearance(world.kernel, 0.0, 0.0, 0.0)
-    world.separation(a, Goal(1.5, 0.0, 0.0))
 
 
 # ---------------------------------------------------------------- the ground: a map, or empty bounds

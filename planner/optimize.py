@@ -306,7 +306,8 @@ class Optimizer:
         if shape.jerk:
             change, bow = x[:-1, 3 + shape.size : 3 + 2 * shape.size] * unit / time, u * unit / time**2 / 2
         return Flowing(
-            begin.pose, np.linspace(0.0, duration, n + 1), np.stack([coordinates[:-1], change, bow], 1),
+            begin.pose, np.linspace(0.0, duration, n + 1),
+            np.ascontiguousarray(np.stack([coordinates[:-1], change, bow], 1)),
             self._coordinates == "car", None, limits.steering_angle,
         )  # fmt: skip
 

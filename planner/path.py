@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import add, sub
 from typing import Protocol
 
@@ -20,11 +20,9 @@ __all__ = [
     "Path",
     "Piece",
     "TwistPiece",
-    "arc",
     "as_path",
     "as_steps",
     "merge",
-    "pivot",
 ]
 
 _SAME_DIRECTION = 1e-9
@@ -52,19 +50,10 @@ class TwistPiece:
         """Change of heading, rad."""
         return self.twist.omega
 
-    def turned(self, turns: float) -> TwistPiece:
-        """The same piece with `turns` rad, a multiple of 2π, added to its headings."""
-        return replace(self, start=_turned(self.start, turns))
-
     def poses(self, s: Array) -> Array:
         """Poses (n, 3) in the world frame at s (n,)."""
         made: Array = _twist_poses(*self.start, *self.twist, s)
         return made
-
-    def part(self, a: float, b: float) -> TwistPiece:
-        """The piece between s = a and s = b."""
-        start = compose(self.start, exp(Twist(*(a * v for v in self.twist))))
-        return TwistPiece(start, Twist(*((b - a) * v for v in self.twist)))
 
     def body_path(self, s: Array) -> BodyPath:
         tangent = np.empty((len(s), 3))
@@ -91,18 +80,10 @@ class LinePiece:
     def turn(self) -> float:
         return self.end.theta - self.start.theta
 
-    def turned(self, turns: float) -> LinePiece:
-        """The same piece with `turns` rad, a multiple of 2π, added to its headings."""
-        return LinePiece(_turned(self.start, turns), _turned(self.end, turns))
-
     def poses(self, s: Array) -> Array:
         a, b = np.array(self.start), np.array(self.end)
         poses: Array = a + np.multiply.outer(s, b - a)
         return poses
-
-    def part(self, a: float, b: float) -> LinePiece:
-        """The piece between s = a and s = b."""
-        return LinePiece(*(Pose(*pose) for pose in self.poses(np.array([a, b])).tolist()))
 
     def body_path(self, s: Array) -> BodyPath:
         dx, dy = self.end.x - self.start.x, self.end.y - self.start.y
@@ -152,20 +133,6 @@ class Curve(Protocol):
 
     def body_path(self, s: Array) -> BodyPath:
         """Tangents in the body frame and their derivatives at s (n,)."""
-
-
-def arc(start: Pose, curvature: float, length: float) -> TwistPiece:
-    """Drive `length` m (negative: backwards) on a curve of `curvature` 1/m (positive: left)."""
-    return TwistPiece(start, Twist(length, 0.0, curvature * length))
-
-
-def pivot(start: Pose, turn: float) -> TwistPiece:
-    """Turn on the spot by `turn` rad."""
-    return TwistPiece(start, Twist(0.0, 0.0, turn))
-
-
-def _turned(pose: Pose, turns: float) -> Pose:
-    return Pose(pose.x, pose.y, pose.theta + turns)
 
 
 def merge(pieces: Iterable[Piece]) -> Path:

@@ -33,7 +33,8 @@ from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["excess", "hastened", "retimed"]
 
-_SIZES = (128, 160, 192, 224, 256, 320, 384, 512, 768, 1024)
+_FEWEST, _MOST = 128, 1024
+"""Intervals."""
 _SPREAD = 384
 """Intervals at most where no more of them are given."""
 _SPACING = 0.4
@@ -194,7 +195,7 @@ def _size(duration: float, pieces: int, limits: Limits) -> int:
     """How many intervals to take."""
     ramps = limits.wheel_acceleration / limits.wheel_jerk
     wanted = max(min(duration / (_SPACING * float(ramps[ramps > 0].min())), _SPREAD), pieces)
-    return next((n for n in _SIZES if wanted <= n), _SIZES[-1])
+    return min(max(math.ceil(wanted), _FEWEST), _MOST)
 
 
 def _stations(knots: Array, size: int) -> Array:

@@ -123,6 +123,8 @@ class Search:
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
             work *= 2**again
+            if not self.connector.reverse:
+                name = _TURNS[0][0]  # BKPIECE1 takes motions to be as free the other way round
             more = found and self.allowance is not None
             if more and not guided:
                 # Other ways are found by chance, at once, rather than by patience.
@@ -250,12 +252,13 @@ class Search:
         status = planner.solve(ob.PlannerTerminationCondition(stop))
         self.work += validator.count
         exact = status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
-        self._tell(name, route is not None, seed, validator.count, exact)
+        path = self._rebuild(definition.getSolutionPath().getStates(), validator) if exact else None
+        self._tell(name, route is not None, seed, validator.count, path is not None)
         if not exact and definition.hasApproximateSolution():
             state = definition.getSolutionPath().getStates()[-1]
             at = state.getX(), state.getY(), state.getYaw()
             self._note(*(at if pose is None else pose(*at)))
-        return self._rebuild(definition.getSolutionPath().getStates(), validator) if exact else None
+        return path
 
     def _space(self, area: Area) -> Any:
         x_min, y_min, x_max, y_max = area
@@ -276,11 +279,12 @@ class Search:
         space.setBounds(_bounds((-beyond, route.length + beyond), (-beside, beside)))
         return space
 
-    def _rebuild(self, states: Sequence[Any], validator: _Validator) -> Path:
-        """The connector's motions through the states of a path, as they were checked."""
+    def _rebuild(self, states: Sequence[Any], validator: _Validator) -> Path | None:
+        """The connector's motions through the states of a path; None where one is not free: BKPIECE1 may have
+        checked it the other way round, where of two words as short it is the other."""
         steps = np.empty((len(states) - 1, SEGMENTS, 3))
-        for k, (a, b) in enumerate(pairwise(states)):
-            validator.free(a, b, steps[k])
+        if not all(validator.free(a, b, steps[k]) for k, (a, b) in enumerate(pairwise(states))):
+            return None
         taken = steps.reshape(-1, 3)
         return as_path(np.array(self.start), taken[taken.any(1)], self.connector.law.kind == LINE)
 

@@ -33,6 +33,7 @@ from planner.collision import (
     clear,
     field_bounds,
     footprint_heading,
+    in_body,
     to_local,
 )
 from planner.tree import HEAD, SIZE, closest, kernel
@@ -125,10 +126,7 @@ def _advance(
         count = int(world[i + 5])
         i += HEAD
         for _ in range(count):
-            dx, dy = world[i] - x, world[i + 1] - y
-            ax, ay = c * dx + s * dy, c * dy - s * dx
-            dx, dy = world[i + 2] - x, world[i + 3] - y
-            bx, by = c * dx + s * dy, c * dy - s * dx
+            ax, ay, bx, by = in_body(world, i, x, y, c, s)
             near = margin + world[i + 4]
             i += SIZE
             time = _advance_segment(world, ax, ay, bx, by, near, vx, vy, turn, bend, speed + spin, time)

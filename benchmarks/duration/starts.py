@@ -11,7 +11,7 @@ from benchmarks.duration.direct import Guess
 from drives import PoweredCaster
 from drives.drive import Car, Holonomic
 from drives.se2 import Array, Pose, between, wrap
-from planner.curves import reeds_shepp_words
+from planner.curves import REEDS_SHEPP, REEDS_SHEPP_END, SEGMENTS, solve_word, word_reaches, word_segment
 from planner.problem import Problem
 from planner.schedule import WheelSchedule
 
@@ -124,17 +124,19 @@ def _words(problem: Problem, radii: tuple[float, ...] | list[float]) -> Iterator
     goal = problem.goal
     assert goal.theta is not None
     apart = between(problem.start, Pose(goal.x, goal.y, goal.theta))
+    phi = wrap(apart.theta)
+    s, c = math.sin(phi), math.cos(phi)
     for radius in radii:
-        curves, lengths, count = reeds_shepp_words(apart.x / radius, apart.y / radius, wrap(apart.theta))
-        for curve, length in zip(curves[:count], lengths[:count], strict=True):
-            segments = [
-                (float(ell * radius), float(k * ell)) for k, ell in zip(curve, length, strict=True) if ell
-            ]
-            if not segments:
+        x, y = apart.x / radius, apart.y / radius
+        for row in range(REEDS_SHEPP, REEDS_SHEPP_END):
+            word = solve_word(row, x, y, phi, s, c, math.inf)
+            if word[0] == math.inf or not word_reaches(row, word, x, y, s, c):
                 continue
-            kind = "".join("LSR"[1 - round(k)] + "-+"[int(ell > 0)]
-                           for k, ell in zip(curve, length, strict=True) if abs(ell) > 0.05)  # fmt: skip
-            yield kind, segments
+            parts = [word_segment(row, i, word) for i in range(SEGMENTS)]
+            segments = [(ell * radius, k * ell) for k, ell in parts if ell]
+            if segments:
+                turns = ("LSR"[1 - round(k)] + "-+"[int(ell > 0)] for k, ell in parts if abs(ell) > 0.05)
+                yield "".join(turns), segments
 
 
 def _pivots(problem: Problem) -> Iterator[tuple[str, list[_Segment]]]:

@@ -14,8 +14,9 @@ import numpy as np
 
 from benchmarks.search.mobilities import Mobility
 from benchmarks.search.scenes import Fineness, Query, world
-from drives.se2 import Array, Pose
-from planner.connect import CurveConnector, LineConnector
+from drives.se2 import Array
+from planner.curves import SEGMENTS
+from planner.edges import CURVE, LINE, joined
 from planner.environment import CollisionWorld
 from planner.problem import Environment, Footprint
 
@@ -123,10 +124,9 @@ def _read(answer: str, mobility: Mobility, query: Query) -> Native:
     solved, first, total, length, _, *states = (float(word) for word in answer.split())
     if not solved:
         return Native(False, first, total, 0.0, False)
-    poses = [Pose(*state) for state in np.array(states).reshape(-1, 3).tolist()]
+    poses = np.array(states).reshape(-1, 3).tolist()
     free = world(query, mobility)
-    joins: LineConnector | CurveConnector = LineConnector(mobility.robot, free)
-    if mobility.space != "SE2":
-        joins = CurveConnector(mobility.robot, free, mobility.space == "ReedsShepp", mobility.radius)
-    holds = all(joins.edge_free(a, b) for a, b in pairwise(poses))
+    reverse, steps = mobility.space != "Dubins", np.empty((SEGMENTS, 3))
+    motion = free.kernel, LINE if mobility.space == "SE2" else CURVE, mobility.radius, reverse
+    holds = all(joined(*motion, *a, *b, steps) for a, b in pairwise(poses))
     return Native(True, first, total, length, holds)

@@ -7,10 +7,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import numpy as np
+
 from benchmarks.search.mobilities import Mobility
 from benchmarks.search.scenes import Query, problem, world
-from drives.se2 import Array, Pose
+from drives.se2 import Array
 from planner.connect import connector
+from planner.curves import SEGMENTS
+from planner.edges import joined
 from planner.environment import CollisionWorld
 from planner.errors import PlanningError
 from planner.plan import plan
@@ -70,8 +74,9 @@ def time_motions(mobility: Mobility, environment: Environment, a: Array, b: Arra
     """Seconds that checking the motions from poses a (n, 3) to b takes, one by one as a search does."""
     free = CollisionWorld.build(environment, mobility.robot.footprint)
     joins = connector(mobility.robot, free, mobility.options)
-    pairs = [(Pose(*p), Pose(*q)) for p, q in zip(a.tolist(), b.tolist(), strict=True)]
+    law, steps = joins.law, np.empty((SEGMENTS, 3))
+    pairs = np.hstack([a, b]).tolist()
     begin = time.perf_counter()
-    for p, q in pairs:
-        joins.edge_free(p, q)
+    for pair in pairs:
+        joined(free.kernel, law.kind, law.radius, law.reverse, *pair, steps)
     return time.perf_counter() - begin

@@ -75,7 +75,7 @@ def test_the_sources_are_here() -> None:
         ("ompl", {"planner.search"}),
         ("toppra", {"planner.time_law"}),
         ("ruckig", {"planner.time_law"}),
-        ("casadi", {"planner.optimal_control", "planner.retime", "planner.stagewise"}),
+        ("casadi", {"planner.optimal_control", "planner.retime", "planner.stagewise", "planner.tape"}),
     ],
 )
 def test_a_library_stays_behind_its_doors(library: str, modules: set[str]) -> None:

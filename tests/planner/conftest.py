@@ -18,7 +18,7 @@ from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Option
 _MODULES = (
     Module("front_left", 0.15, 0.12), Module("front_right", 0.15, -0.12), Module("rear", -0.15, 0.0),
 )  # fmt: skip
-_PARAMETERS: dict[str, dict[str, Any]] = {
+PARAMETERS: dict[str, dict[str, Any]] = {
     "differential": {"wheel_radius": 0.1, "track_width": 0.4},
     "tracked": {"wheel_radius": 0.1, "track_width": 0.4, "slip_coefficient": 1.4},
     "skid_steer": {"wheel_radius": 0.1, "track_width": 0.4, "wheelbase": 0.3, "slip_coefficient": 1.6},
@@ -41,7 +41,7 @@ _CAR_LIKE = ("tricycle", "ackermann")
 
 
 def _robot(kind: str, **limits: Any) -> Robot:
-    drive = DRIVES[kind](**_PARAMETERS[kind])
+    drive = DRIVES[kind](**PARAMETERS[kind])
     m = len(drive.wheel_names)
     sane = Limits(
         np.full(m, 10.0), np.full(m, 20.0), np.full(m, np.inf),

@@ -14,32 +14,16 @@ from hypothesis import strategies as st
 from numba import njit
 
 from drives.se2 import Array, Pose, Twist, compose, exp
-from planner.collision import COLUMNS, END, FIELD, ROWS, STEP, to_local
-from planner.environment import (
-    CollisionWorld,
-    linear_free,
-    pose_clearance_at_least,
-    pose_free,
-    twist_free,
-    warm_up,
-)
+from planner.collision import COLUMNS, END, FIELD, ROWS, STEP, pose_clearance_at_least, pose_free, to_local
+from planner.environment import CollisionWorld
 from planner.problem import Bounds, Circle, Environment, Footprint, MapLayer, Polygon
-from planner.sweep import _advance
+from planner.sweep import _advance, linear_free, twist_free
+from tests.planner.worlds import ROOM, box, is_line_free, is_twist_free, rectangle
 
-ROOM = Bounds(-5.0, -4.0, 5.0, 4.0)
 ORIGIN = Pose(0.0, 0.0, 0.0)
 FORK = np.array(
     [[-0.3, -0.3], [0.6, -0.3], [0.6, -0.2], [-0.1, -0.2], [-0.1, 0.2], [0.6, 0.2], [0.6, 0.3], [-0.3, 0.3]]
 )
-
-
-def rectangle(length: float, width: float, offset: float = 0.0) -> Footprint:
-    x, y = length / 2, width / 2
-    return Footprint(np.array([[offset - x, -y], [offset + x, -y], [offset + x, y], [offset - x, y]]))
-
-
-def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
-    return Polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=np.float64))
 
 
 def gap(width: float, length: float = 1.0) -> Environment:
@@ -108,10 +92,10 @@ def test_an_edge_is_valid_exactly_where_all_of_it_is_free(
 ) -> None:
     footprint, world = case
     if arc:
-        valid, path = world.twist_free(a, Twist(x, y, turn)), on_arc(a, Twist(x, y, turn), 400)
+        valid, path = is_twist_free(world, a, Twist(x, y, turn)), on_arc(a, Twist(x, y, turn), 400)
     else:
         b = Pose(a.x + x, a.y + y, a.theta + turn)
-        valid, path = world.linear_free(a, b), on_line(a, b, 400)
+        valid, path = is_line_free(world, a, b), on_line(a, b, 400)
     if valid:
         assert not overlap(CLUTTER, footprint, path)
     else:
@@ -129,26 +113,26 @@ def test_a_passage_a_tenth_of_a_millimetre_wider_on_each_side_is_passed_and_a_na
     c, s = math.cos(angle), math.sin(angle)
     a, b = Pose(-3 * c, -3 * s, angle), Pose(3 * c, 3 * s, angle)
     wide = CollisionWorld.build(turned(gap(0.6 + 2e-4), angle), footprint)
-    assert wide.linear_free(a, b)
-    assert wide.twist_free(a, Twist(6, 0, 0))
-    assert wide.twist_free(b, Twist(-6, 0, 0))
+    assert is_line_free(wide, a, b)
+    assert is_twist_free(wide, a, Twist(6, 0, 0))
+    assert is_twist_free(wide, b, Twist(-6, 0, 0))
     narrow = CollisionWorld.build(turned(gap(0.6 - 1e-6), angle), footprint)
-    assert not narrow.linear_free(a, b)
-    assert not narrow.twist_free(a, Twist(6, 0, 0))
+    assert not is_line_free(narrow, a, b)
+    assert not is_twist_free(narrow, a, Twist(6, 0, 0))
 
 
 def test_min_clearance_narrows_a_passage_by_itself_on_each_side() -> None:
     a, b = Pose(-3, 0, 0), Pose(3, 0, 0)
-    assert CollisionWorld.build(gap(0.8 + 2e-4), rectangle(1.2, 0.6), 0.1).linear_free(a, b)
-    assert not CollisionWorld.build(gap(0.8 - 1e-6), rectangle(1.2, 0.6), 0.1).linear_free(a, b)
+    assert is_line_free(CollisionWorld.build(gap(0.8 + 2e-4), rectangle(1.2, 0.6), 0.1), a, b)
+    assert not is_line_free(CollisionWorld.build(gap(0.8 - 1e-6), rectangle(1.2, 0.6), 0.1), a, b)
 
 
 def test_a_wall_a_micrometre_thin_is_never_tunnelled_through() -> None:
     wall = Environment(ROOM, (box(0, -4, 1e-6, 4),))
     world = CollisionWorld.build(wall, rectangle(0.05, 3.0))
-    assert not world.linear_free(Pose(-2, 0, 0), Pose(2, 0, 0))
-    assert not world.linear_free(Pose(-2, 0, 0), Pose(2, 0, 40 * math.pi))
-    assert not world.twist_free(Pose(-2, 0, 0), Twist(4, 0, 0))
+    assert not is_line_free(world, Pose(-2, 0, 0), Pose(2, 0, 0))
+    assert not is_line_free(world, Pose(-2, 0, 0), Pose(2, 0, 40 * math.pi))
+    assert not is_twist_free(world, Pose(-2, 0, 0), Twist(4, 0, 0))
 
 
 @given(
@@ -163,10 +147,10 @@ def test_a_pin_in_the_way_of_a_turning_bar_is_hit(
     half = math.asin(width / 2 / distance) + 0.05
     before, after = Pose(0, 0, angle - way * half), Pose(0, 0, angle + way * half)
     again = Pose(0, 0, angle + way * (math.pi - half))
-    assert not world.linear_free(before, after)
-    assert not world.twist_free(before, Twist(0, 0, 2 * half * way))
-    assert world.linear_free(after, again)
-    assert world.twist_free(again, Twist(0, 0, -way * (math.pi - 2 * half)))
+    assert not is_line_free(world, before, after)
+    assert not is_twist_free(world, before, Twist(0, 0, 2 * half * way))
+    assert is_line_free(world, after, again)
+    assert is_twist_free(world, again, Twist(0, 0, -way * (math.pi - 2 * half)))
 
 
 def test_a_tip_that_runs_close_round_a_drum_still_hits_the_pin_beside_it() -> None:
@@ -174,9 +158,9 @@ def test_a_tip_that_runs_close_round_a_drum_still_hits_the_pin_beside_it() -> No
     for tip, drum in ((np.array([[1.9, 0], [2.1, -0.1], [2.1, 0.1]]), 1.88), (np.array([[1.9, 0.0]]), 1.78)):
         radius = 0.1 if len(tip) == 1 else 0.0
         world = CollisionWorld.build(Environment(ROOM, (Circle(0, 0, drum), pin)), Footprint(tip, radius))
-        assert world.linear_free(ORIGIN, Pose(0, 0, 4.9))
-        assert not world.linear_free(ORIGIN, Pose(0, 0, 5.2))
-        assert not world.twist_free(Pose(0, 0, 5.2), Twist(0, 0, -5.2))
+        assert is_line_free(world, ORIGIN, Pose(0, 0, 4.9))
+        assert not is_line_free(world, ORIGIN, Pose(0, 0, 5.2))
+        assert not is_twist_free(world, Pose(0, 0, 5.2), Twist(0, 0, -5.2))
 
 
 @given(st.sampled_from(WORLDS), poses, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3), st.booleans())
@@ -208,7 +192,7 @@ def test_a_loop_that_returns_is_checked_at_its_far_side() -> None:
         world = CollisionWorld.build(
             Environment(ROOM, (box(-1, y, 1, 1),)), rectangle(1.0, 0.2), fixed_heading=0.0
         )
-        assert world.twist_free(ORIGIN, Twist(0.04 * math.pi, 0, 2 * math.pi)) is fits
+        assert is_twist_free(world, ORIGIN, Twist(0.04 * math.pi, 0, 2 * math.pi)) is fits
 
 
 def test_a_square_turns_on_the_spot_exactly_where_its_diagonal_fits() -> None:
@@ -216,8 +200,8 @@ def test_a_square_turns_on_the_spot_exactly_where_its_diagonal_fits() -> None:
         half = math.sqrt(0.5) + slack
         world = CollisionWorld.build(Environment(Bounds(-half, -half, half, half)), rectangle(1, 1))
         assert world.is_free(ORIGIN)
-        assert world.linear_free(ORIGIN, Pose(0, 0, 2 * math.pi)) is fits
-        assert world.twist_free(ORIGIN, Twist(0, 0, -math.pi / 2)) is fits
+        assert is_line_free(world, ORIGIN, Pose(0, 0, 2 * math.pi)) is fits
+        assert is_twist_free(world, ORIGIN, Twist(0, 0, -math.pi / 2)) is fits
 
 
 def test_an_arc_clears_or_touches_what_stands_inside_and_outside_it() -> None:
@@ -225,17 +209,19 @@ def test_an_arc_clears_or_touches_what_stands_inside_and_outside_it() -> None:
     for slack, fits in ((2e-4, True), (-2e-4, False)):
         inside = CollisionWorld.build(Environment(ROOM, (Circle(0, 2, 1.7 - slack),)), rectangle(1, 0.6))
         start = compose(Pose(0, 2, 0.5), Pose(0, -2, 0))
-        assert inside.twist_free(start, Twist(2.0, 0, 1.0)) is fits
+        assert is_twist_free(inside, start, Twist(2.0, 0, 1.0)) is fits
         below = Environment(ROOM, (box(-4, -3, 4, 2 - math.hypot(2.3, 0.5) - slack),))
         start = compose(Pose(0, 2, -0.6), Pose(0, -2, 0))
-        assert CollisionWorld.build(below, rectangle(1, 0.6)).twist_free(start, Twist(2.4, 0, 1.2)) is fits
+        assert (
+            is_twist_free(CollisionWorld.build(below, rectangle(1, 0.6)), start, Twist(2.4, 0, 1.2)) is fits
+        )
 
 
 def test_theta_is_taken_as_given_and_not_wrapped() -> None:
     post = Environment(ROOM, (Circle(1.0, 0.0, 0.1),))
     world = CollisionWorld.build(post, rectangle(2.4, 0.2))
-    assert world.linear_free(Pose(0, 0, 0.3), Pose(0, 0, math.pi - 0.3))
-    assert not world.linear_free(Pose(0, 0, 0.3), Pose(0, 0, -math.pi - 0.3))
+    assert is_line_free(world, Pose(0, 0, 0.3), Pose(0, 0, math.pi - 0.3))
+    assert not is_line_free(world, Pose(0, 0, 0.3), Pose(0, 0, -math.pi - 0.3))
 
 
 def test_with_a_fixed_heading_the_footprint_slides_along_an_arc_unturned() -> None:
@@ -246,12 +232,12 @@ def test_with_a_fixed_heading_the_footprint_slides_along_an_arc_unturned() -> No
     )
     tops = Environment(ROOM, (box(-5, 1.7, 5, 4), box(-5, -4, 5, 0.3)))  # the origin rises from 0.5 to 1.5
     held = CollisionWorld.build(tops, footprint, fixed_heading=0.0)
-    assert held.twist_free(a, twist)
-    assert not CollisionWorld.build(tops, footprint).twist_free(a, twist)
-    assert held.linear_free(Pose(-2, 0.5, 0), Pose(2, 0.5, 9.0))
-    assert not held.linear_free(Pose(-2, 0.5, 0), Pose(2, 0.39, 0))
+    assert is_twist_free(held, a, twist)
+    assert not is_twist_free(CollisionWorld.build(tops, footprint), a, twist)
+    assert is_line_free(held, Pose(-2, 0.5, 0), Pose(2, 0.5, 9.0))
+    assert not is_line_free(held, Pose(-2, 0.5, 0), Pose(2, 0.39, 0))
     low = CollisionWorld.build(Environment(ROOM, (box(-5, 1.599, 5, 4),)), footprint, fixed_heading=0.0)
-    assert not low.twist_free(a, twist)
+    assert not is_twist_free(low, a, twist)
 
 
 def test_a_turned_map_is_crossed_through_its_own_passage(tmp_path: Path) -> None:
@@ -262,10 +248,10 @@ def test_a_turned_map_is_crossed_through_its_own_passage(tmp_path: Path) -> None
     layer = MapLayer("passage", tmp_path, 0.1, Pose(2.0, 1.0, 0.7))
     a, b = (compose(layer.origin, Pose(x, 2.3, 0.0)) for x in (2.0, 8.0))
     fits = CollisionWorld.build(Environment(map=layer), rectangle(1.0, 0.6 - 2e-4))
-    assert fits.linear_free(a, b)
-    assert fits.twist_free(a, Twist(6, 0, 0))
-    assert not fits.linear_free(a, compose(b, Pose(0, 2e-4, 0)))
-    assert not CollisionWorld.build(Environment(map=layer), rectangle(1.0, 0.6 + 1e-6)).linear_free(a, b)
+    assert is_line_free(fits, a, b)
+    assert is_twist_free(fits, a, Twist(6, 0, 0))
+    assert not is_line_free(fits, a, compose(b, Pose(0, 2e-4, 0)))
+    assert not is_line_free(CollisionWorld.build(Environment(map=layer), rectangle(1.0, 0.6 + 1e-6)), a, b)
 
 
 def test_a_polyline_names_its_first_bad_edge() -> None:
@@ -283,8 +269,8 @@ def test_an_edge_of_no_length_is_valid_where_its_pose_is_free(
     case: tuple[Footprint, CollisionWorld], pose: Pose
 ) -> None:
     world = case[1]
-    assert world.linear_free(pose, pose) == world.is_free(pose)
-    assert world.twist_free(pose, Twist(0, 0, 0)) == world.is_free(pose)
+    assert is_line_free(world, pose, pose) == world.is_free(pose)
+    assert is_twist_free(world, pose, Twist(0, 0, 0)) == world.is_free(pose)
 
 
 @pytest.mark.parametrize("wild", [1e6, 1e300, -1e308, math.inf, math.nan])
@@ -292,20 +278,19 @@ def test_wild_edges_end_and_are_refused(wild: float) -> None:
     world = WORLDS[0][1]
     free = Pose(-3.5, 2.5, 0.0)
     assert world.is_free(free)
-    assert not world.linear_free(free, Pose(wild, 0, 0))
-    assert not world.linear_free(Pose(0, wild, 0), free)
-    assert not world.twist_free(free, Twist(wild, 0, 0))
-    assert not world.twist_free(free, Twist(1, 0, wild))
-    assert not world.linear_free(free, Pose(-3.5, 2.5, wild))
+    assert not is_line_free(world, free, Pose(wild, 0, 0))
+    assert not is_line_free(world, Pose(0, wild, 0), free)
+    assert not is_twist_free(world, free, Twist(wild, 0, 0))
+    assert not is_twist_free(world, free, Twist(1, 0, wild))
+    assert not is_line_free(world, free, Pose(-3.5, 2.5, wild))
 
 
 def test_kernels_compose_in_compiled_code_and_agree_with_the_methods() -> None:
-    warm_up()
     answer: Callable[[Array], int] = njit(_compose)
     world = WORLDS[0][1]
     assert answer(world.kernel) == 1 + 2 * 0 + 4 + 8
     assert world.is_free(Pose(-3.5, 2.5, 0.0))
-    assert not world.linear_free(Pose(-3.5, 2.5, 0.0), Pose(3.5, 2.5, 0.0)) or world.is_free(
+    assert not is_line_free(world, Pose(-3.5, 2.5, 0.0), Pose(3.5, 2.5, 0.0)) or world.is_free(
         Pose(3.5, 2.5, 0.0)
     )
 

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from drives.se2 import Pose
-from planner.connect import connector, is_path_free
+from planner.connect import connector
+from planner.curves import SEGMENTS
+from planner.edges import joined
 from planner.environment import CollisionWorld
 from planner.problem import Environment, Options, Robot
+from tests.planner.worlds import is_path_free
 
 
 @pytest.mark.parametrize("reverse", [True, False])
@@ -47,7 +50,9 @@ def test_an_edge_is_free_where_one_of_the_shortest_motions_is(
     local = connector(given, world, Options(effort="first", reverse=reverse))
     poses = np.random.default_rng(8).uniform([-3, -2, -3], [3, 2, 3], (900, 3))
     a, b = np.array([p for p in poses if world.is_free(Pose(*p))])[:200].reshape(2, 100, 3)
-    free = np.array([local.edge_free(Pose(*p), Pose(*q)) for p, q in zip(a, b, strict=True)])
+    law, steps = local.law, np.empty((SEGMENTS, 3))
+    motion = world.kernel, law.kind, law.radius, law.reverse
+    free = np.array([joined(*motion, *p, *q, steps) for p, q in zip(a, b, strict=True)])
     assert {True, False} == set(free.tolist())
     motions = local.motions(a, b)
     some = (motions.free() & (motions.times < np.inf)).any(1)

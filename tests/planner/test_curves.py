@@ -13,9 +13,21 @@ from hypothesis import strategies as st
 from numba import njit
 from ompl import base as ob
 
-from drives.se2 import Pose, between, compose, wrap
-from planner import curves
-from planner.curves import Word, candidates
+from drives.se2 import Pose, Twist, between, compose, exp, wrap
+from planner.curves import (
+    DUBINS,
+    DUBINS_END,
+    REEDS_SHEPP,
+    REEDS_SHEPP_END,
+    SEGMENTS,
+    shortest,
+    solve_word,
+    word_reaches,
+    word_segment,
+)
+
+Word = list[tuple[float, float]]
+"""Segments that are not empty: curvature (positive: left), length (negative: backwards)."""
 
 PI = math.pi
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -24,7 +36,8 @@ TURN_ROUND = (2 * PI / 3, -2 * PI / 3, 2 * PI / 3)
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled() -> None:
-    curves.warm_up()
+    length(shortest_word(ORIGIN, Pose(1.0, 0.5, 0.25), 1.0, True))
+    words(ORIGIN, Pose(1.0, 0.5, 0.25), 1.0, True)
 
 
 def ompl_distance(radius: float, reverse: bool) -> Callable[[Pose, Pose], float]:
@@ -45,9 +58,48 @@ def ompl_distance(radius: float, reverse: bool) -> Callable[[Pose, Pose], float]
     return distance
 
 
-def shortest_length(start: Pose, goal: Pose, radius: float, reverse: bool) -> float:
+def in_radii(start: Pose, goal: Pose, radius: float) -> tuple[float, float, float]:
+    """The goal as kernels take it."""
     x, y, phi = between(start, goal)
-    return radius * curves.shortest_length(x / radius, y / radius, wrap(phi), reverse)
+    return x / radius, y / radius, wrap(phi)
+
+
+def segments(row: int, word: tuple[float, float, float, float], radius: float) -> Word:
+    parts = [word_segment(row, i, word) for i in range(SEGMENTS)]
+    return [(bent / radius, ell * radius) for bent, ell in parts if ell != 0.0]
+
+
+def words_to(x: float, y: float, phi: float, radius: float, reverse: bool) -> dict[int, Word]:
+    """By their rows the words that reach a goal given in radii."""
+    s, c = math.sin(phi), math.cos(phi)
+    found = {}
+    for row in range(REEDS_SHEPP, REEDS_SHEPP_END) if reverse else range(DUBINS, DUBINS_END):
+        word = solve_word(row, x, y, phi, s, c, math.inf)
+        if word[0] < math.inf and word_reaches(row, word, x, y, s, c):
+            found[row] = segments(row, word, radius)
+    return found
+
+
+def words(start: Pose, goal: Pose, radius: float, reverse: bool) -> list[Word]:
+    return list(words_to(*in_radii(start, goal, radius), radius, reverse).values())
+
+
+def shortest_word(start: Pose, goal: Pose, radius: float, reverse: bool) -> Word:
+    return segments(*shortest(*in_radii(start, goal, radius), reverse), radius)
+
+
+def shortest_length(start: Pose, goal: Pose, radius: float, reverse: bool) -> float:
+    return float(radius * shortest(*in_radii(start, goal, radius), reverse)[1][0])
+
+
+def length(word: Word) -> float:
+    return math.fsum(abs(ell) for _, ell in word)
+
+
+def end(word: Word, start: Pose) -> Pose:
+    for bent, ell in word:
+        start = compose(start, exp(Twist(ell, 0.0, bent * ell)))
+    return start
 
 
 def random_poses(seed: int, n: int, reach: float) -> list[Pose]:
@@ -56,8 +108,8 @@ def random_poses(seed: int, n: int, reach: float) -> list[Pose]:
 
 
 def miss(word: Word, start: Pose, goal: Pose) -> float:
-    end = word.end(start)
-    return max(abs(end.x - goal.x), abs(end.y - goal.y), abs(wrap(end.theta - goal.theta)))
+    x, y, theta = end(word, start)
+    return max(abs(x - goal.x), abs(y - goal.y), abs(wrap(theta - goal.theta)))
 
 
 # Coordinates and headings on which words begin, end or coincide, and neighbours of them. Dubins' length jumps
@@ -83,7 +135,7 @@ def test_shortest_length_equals_ompl(reach: float, radius: float, reverse: bool)
 def test_shortest_length_equals_ompl_on_edges(reverse: bool, near: tuple[float, ...]) -> None:
     distance = ompl_distance(1.0, reverse)
     for x, y, phi in itertools.product(EDGES + near, EDGES + near, ANGLES + near):
-        ours = curves.shortest_length(x, y, phi, reverse)
+        ours = shortest(x, y, phi, reverse)[1][0]
         # Sideways offsets below 1e-12 count as none; abs is the length of a manoeuvre for one.
         assert ours == pytest.approx(distance(ORIGIN, Pose(x, y, phi)), rel=1e-6, abs=2e-6), (x, y, phi)
 
@@ -98,26 +150,23 @@ def test_every_word_reaches_its_goal_within_its_curvature(reach: float, reverse:
         strict=False,
     ):
         goal = compose(start, goal)
-        words = candidates(start, goal, radius, reverse)
-        assert words[0].length == pytest.approx(shortest_length(start, goal, radius, reverse), rel=1e-9)
-        lengths = [word.length for word in words]
-        assert np.all(np.diff(lengths) >= -1e-9 * radius)
-        for word in words:
+        found = words(start, goal, radius, reverse)
+        least = shortest_length(start, goal, radius, reverse)
+        assert min(map(length, found)) == pytest.approx(least, rel=1e-9)
+        for word in found:
             distance = math.hypot(goal.x - start.x, goal.y - start.y)
             assert miss(word, start, goal) <= 1e-9 * (1 + radius + distance)
-            assert len(word.segments) <= 5
-            assert all(abs(k) <= 1 / radius for k, _ in word.segments)
-            assert all(length != 0 for _, length in word.segments)
-            assert reverse or all(length > 0 for _, length in word.segments)
-            for (k, length), (k_next, length_next) in itertools.pairwise(word.segments):
-                assert k != k_next or length * length_next < 0
+            assert all(abs(bent) <= 1 / radius for bent, _ in word)
+            assert reverse or all(ell > 0 for _, ell in word)
 
 
 def test_edge_goals_are_reached() -> None:
     near = (1e-3, 1e-6, 1e-9, -1e-9, 1e-11, 1e-13)
     for x, y, phi in itertools.product(EDGES[:5] + near, EDGES[:5] + near, ANGLES[:5] + near):
         for reverse in (True, False):
-            for word in candidates(ORIGIN, Pose(x, y, phi), 1.0, reverse)[:4]:
+            found = words(ORIGIN, Pose(x, y, phi), 1.0, reverse)
+            assert found
+            for word in found:
                 assert miss(word, ORIGIN, Pose(x, y, phi)) <= 1e-9 * (1 + abs(x) + abs(y))
 
 
@@ -127,29 +176,24 @@ def test_random_words_are_found_again() -> None:
     seen = set()
     for _ in range(300):
         x, y, phi = rng.uniform(-3, 3, 3)
-        curvature, length, count = curves.reeds_shepp_words(x, y, phi)
-        for k, part in zip(curvature[:count], length[:count], strict=True):
-            seen.add((*k, *np.sign(part)))
-            end = Word(tuple(zip(k.tolist(), part.tolist(), strict=True))).end(ORIGIN)
-            k_again, part_again, n = curves.reeds_shepp_words(*end)
-            found = (k_again[:n] == k).all(axis=1) & (abs(part_again[:n] - part) < 1e-6).all(axis=1)
-            assert found.any(), (x, y, phi, k, part)
+        for row, word in words_to(x, y, phi, 1.0, True).items():
+            seen.add(tuple((bent, math.copysign(1.0, ell)) for bent, ell in word))
+            again = words_to(*end(word, ORIGIN), 1.0, True)
+            assert np.allclose(again[row], word, rtol=0.0, atol=1e-6), (x, y, phi, word)
     assert len(seen) == 48
 
 
 def test_dubins_has_six_words() -> None:
     seen = set()
     for x, y, phi in random_poses(6, 300, 4.0):
-        curvature, length, count = curves.dubins_words(x, y, phi)
-        assert np.all(length >= 0)
-        assert not curvature[count:].any()
-        assert not length[count:].any()
-        seen |= {tuple(k[:3].astype(int)) for k in curvature[:count]}
+        for word in words_to(x, y, phi, 1.0, False).values():
+            assert all(ell > 0 for _, ell in word)
+            seen.add(tuple(bent for bent, _ in word))
     assert seen == {(1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (1, -1, 1), (-1, 1, -1)}
 
 
 @pytest.mark.parametrize(
-    ("goal", "reverse", "segments"),
+    ("goal", "reverse", "expected"),
     [
         pytest.param((0, 0, 0), True, [], id="identical"),
         pytest.param((0, 0, 0), False, [], id="identical, forwards"),
@@ -167,27 +211,27 @@ def test_dubins_has_six_words() -> None:
         pytest.param((0, 0, PI), True, list(zip((0.5, -0.5, 0.5), TURN_ROUND, strict=True)), id="turn round"),
     ],
 )
-def test_closed_forms(goal: tuple[float, ...], reverse: bool, segments: list[tuple[float, float]]) -> None:
-    word = candidates(ORIGIN, Pose(*map(float, goal)), 2.0, reverse)[0]
-    assert len(word.segments) == len(segments)
-    for got, expected in zip(word.segments, segments, strict=True):
-        assert got == pytest.approx(expected, abs=1e-9)
+def test_closed_forms(goal: tuple[float, ...], reverse: bool, expected: Word) -> None:
+    word = shortest_word(ORIGIN, Pose(*map(float, goal)), 2.0, reverse)
+    assert len(word) == len(expected)
+    for got, wanted in zip(word, expected, strict=True):
+        assert got == pytest.approx(wanted, abs=1e-9)
 
 
 def test_parallel_shift_sideways() -> None:
     """Left t, back on the right u, back on the left u, right t: no way ahead where sin(t + u) = 2·sin t."""
     t = 0.2
     turn = math.asin(2 * math.sin(t))
-    words = candidates(ORIGIN, Pose(0.0, 2 - 4 * math.cos(t) + 2 * math.cos(turn), 0.0), 1.0, True)
-    assert words[0].length == pytest.approx(2 * turn, rel=1e-9)
+    goal = Pose(0.0, 2 - 4 * math.cos(t) + 2 * math.cos(turn), 0.0)
+    assert shortest_length(ORIGIN, goal, 1.0, True) == pytest.approx(2 * turn, rel=1e-9)
     expected = [(1, t), (-1, t - turn), (1, t - turn), (-1, t)]
-    assert any(np.allclose(w.segments, expected, atol=1e-9) for w in words if len(w.segments) == 4)
+    assert any(np.allclose(w, expected, atol=1e-9) for w in words(ORIGIN, goal, 1.0, True) if len(w) == 4)
 
 
 def test_dubins_loops_round_where_reeds_shepp_backs_up() -> None:
     back = Pose(-1.0, 0.0, 0.0)
-    assert candidates(ORIGIN, back, 1.0, True)[0].segments == ((0.0, -1.0),)
-    assert candidates(ORIGIN, back, 1.0, False)[0].segments == ((1.0, PI), (0.0, 1.0), (1.0, PI))
+    assert shortest_word(ORIGIN, back, 1.0, True) == [(0.0, -1.0)]
+    assert shortest_word(ORIGIN, back, 1.0, False) == [(1.0, PI), (0.0, 1.0), (1.0, PI)]
 
 
 @pytest.mark.parametrize("reverse", [True, False])
@@ -195,28 +239,24 @@ def test_rounding_of_poses_in_the_world_makes_no_loop(reverse: bool) -> None:
     for start in random_poses(7, 300, 100.0):
         for distance in (1e-9, 1e-6, 1e-3, 1.0, 50.0):
             goal = compose(start, Pose(distance, 0.0, 0.0))
-            word = candidates(start, goal, 1.0, reverse)[0]
-            assert word.length == pytest.approx(distance, rel=1e-6, abs=1e-10)
+            assert shortest_length(start, goal, 1.0, reverse) == pytest.approx(distance, rel=1e-6, abs=1e-10)
 
 
 def test_equal_lengths_are_decided_alike() -> None:
-    curvature, length = curves.shortest_word(0.0, 0.0, PI, True)
-    assert curvature.tolist() == [1, -1, 1, 0, 0]
-    assert length[0] > 0
-    first = candidates(ORIGIN, Pose(0.0, 0.0, PI), 1.0, True)
-    assert first == candidates(ORIGIN, Pose(0.0, 0.0, PI), 1.0, True)
-    assert [k for k, _ in first[0].segments] == [1, -1, 1]
+    word = shortest_word(ORIGIN, Pose(0.0, 0.0, PI), 1.0, True)
+    assert [bent for bent, _ in word] == [1, -1, 1]
+    assert word[0][1] > 0
+    assert word == shortest_word(ORIGIN, Pose(0.0, 0.0, PI), 1.0, True)
 
 
 @pytest.mark.parametrize("reverse", [True, False])
 def test_shortest_word_is_the_shortest(reverse: bool) -> None:
-    for x, y, phi in random_poses(8, 500, 5.0):
-        curvature, length = curves.shortest_word(x, y, phi, reverse)
-        _, lengths, count = (curves.reeds_shepp_words if reverse else curves.dubins_words)(x, y, phi)
-        total = curves.word_length(length)
-        assert total == pytest.approx(np.abs(lengths[:count]).sum(axis=1).min(), abs=1e-9)
-        assert total == pytest.approx(curves.shortest_length(x, y, phi, reverse), abs=1e-12)
-        assert set(curvature.tolist()) <= {-1.0, 0.0, 1.0}
+    for goal in random_poses(8, 500, 5.0):
+        word = shortest_word(ORIGIN, goal, 1.0, reverse)
+        total = length(word)
+        assert total == pytest.approx(min(map(length, words(ORIGIN, goal, 1.0, reverse))), abs=1e-9)
+        assert total == pytest.approx(shortest_length(ORIGIN, goal, 1.0, reverse), abs=1e-12)
+        assert {bent for bent, _ in word} <= {-1.0, 0.0, 1.0}
 
 
 def test_kernels_compose_in_compiled_code() -> None:
@@ -224,35 +264,23 @@ def test_kernels_compose_in_compiled_code() -> None:
     def total(n: int) -> float:
         result = 0.0
         for i in range(n):
-            curvature, length = curves.shortest_word(1.0 * i, 2.0, 0.5, True)
-            result += curves.word_length(length) + 0.0 * curvature[0]
+            row, word = shortest(1.0 * i, 2.0, 0.5, True)
+            for k in range(SEGMENTS):
+                result += abs(word_segment(row, k, word)[1])
         return result
 
-    assert total(5) == pytest.approx(sum(curves.shortest_length(1.0 * i, 2.0, 0.5, True) for i in range(5)))
-
-
-@pytest.mark.parametrize(
-    ("goal", "radius"),
-    [
-        (Pose(math.nan, 0.0, 0.0), 1.0),
-        (Pose(0.0, math.inf, 0.0), 1.0),
-        (ORIGIN, 0.0),
-        (ORIGIN, -1.0),
-        (ORIGIN, math.nan),
-        (ORIGIN, math.inf),
-    ],
-)
-def test_invalid_queries_are_refused(goal: Pose, radius: float) -> None:
-    with pytest.raises(ValueError, match="radius"):
-        candidates(ORIGIN, goal, radius, True)
+    assert total(5) == pytest.approx(sum(shortest(1.0 * i, 2.0, 0.5, True)[1][0] for i in range(5)))
 
 
 def test_kernels_find_nothing_for_goals_that_are_not_finite() -> None:
     for bad in (math.nan, math.inf):
+        for goal in ((bad, 0.0, 0.0), (0.0, bad, 0.0)):
+            assert not words_to(*goal, 1.0, True)
         for goal in ((bad, 0.0, 0.0), (0.0, bad, 0.0), (0.0, 0.0, bad)):
-            assert curves.reeds_shepp_words(*goal)[2] == 0
-            assert np.isnan(curves.shortest_word(*goal, False)[1]).all()
-            assert curves.shortest_length(*goal, True) == math.inf
+            for reverse in (True, False):
+                length, *parts = shortest(*goal, reverse)[1]
+                assert length == math.inf
+                assert np.isnan(parts).all()
 
 
 coordinate = st.floats(-20, 20, allow_subnormal=False)

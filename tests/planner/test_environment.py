@@ -15,31 +15,13 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from drives.se2 import Array, Pose
-from planner.environment import CollisionWorld, check_simple_polygon, footprint_polygon
+from planner.environment import CollisionWorld
 from planner.errors import InvalidGeometry
+from planner.polygon import check_simple_polygon, footprint_polygon
 from planner.problem import Bounds, Circle, Environment, Footprint, MapLayer, Polygon
+from tests.planner.worlds import ROOM, box, rectangle, star
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
-ROOM = Bounds(-5.0, -4.0, 5.0, 4.0)
-
-
-def rectangle(length: float, width: float, offset: float = 0.0, radius: float = 0.0) -> Footprint:
-    x, y = length / 2, width / 2
-    return Footprint(np.array([[offset - x, -y], [offset + x, -y], [offset + x, y], [offset - x, y]]), radius)
-
-
-def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
-    return Polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=np.float64))
-
-
-def star(rng: np.random.Generator, size: float, x: float = 0.0, y: float = 0.0) -> Array:
-    """A simple polygon, mostly concave, of either winding."""
-    while True:
-        angle = np.sort(rng.uniform(0, 2 * math.pi, rng.integers(3, 10)))
-        reach = size * rng.uniform(0.2, 1, len(angle))
-        points = np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
-        if check_simple_polygon(points) is None:
-            return points[:: rng.choice([-1, 1])].copy()
 
 
 def write_map(

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from drives.se2 import Array
-from planner.environment import CollisionWorld, World
+from planner.collision import World
+from planner.environment import CollisionWorld
 from planner.lattice import rooms, shortest
 from planner.problem import Bounds, Environment, Footprint, Polygon
 

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.duration.robots import ROBOTS
 from benchmarks.long import serpentine
 from drives.se2 import Array, Pose
-from planner.connect import connector, is_path_free
+from planner.connect import connector
 from planner.environment import CollisionWorld
 from planner.guess import Guess
 from planner.horizon import State, receding
@@ -22,6 +22,7 @@ from planner.shorten import shorten
 from planner.time_law import time_path
 from planner.trajectory import Flowing, Phases
 from planner.verify import verify
+from tests.planner.worlds import is_path_free
 
 DRIVES = ["differential", "mecanum", "ackermann", "swerve"]
 

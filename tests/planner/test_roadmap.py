@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from drives.se2 import Array, Pose
-from planner.connect import Connector, connector, is_path_free
+from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.path import TwistPiece, as_path, as_steps
 from planner.problem import Bounds, Environment, Options, Polygon, Robot
 from planner.roadmap import merged, quickest_path, quickest_steps
+from tests.planner.worlds import is_path_free
 
 KINDS = ["mecanum", "differential", "ackermann"]
 

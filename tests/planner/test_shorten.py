@@ -9,12 +9,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drives.se2 import Pose, wrap
-from planner.connect import Connector, connector, is_path_free
+from drives.se2 import wrap
+from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
-from planner.path import Path, merge
+from planner.path import Path
 from planner.problem import Bounds, Environment, Options, Polygon, Robot
+from planner.roadmap import quickest_path
 from planner.shorten import shorten
+from tests.planner.worlds import is_path_free
 
 KINDS = ["mecanum", "swerve", "differential", "ackermann", "powered_caster"]
 EFFORTS = ["first", "good"]
@@ -27,15 +29,9 @@ def local(robot: Robot, environment: Environment, effort: str) -> Connector:
 
 def by_way_of(asked: Connector, *poses: tuple[float, float, float]) -> Path:
     """The connector's own motions from pose to pose, headings continuous."""
-    pieces = []
-    theta = poses[0][2]
-    for a, b in itertools.pairwise(poses):
-        part = asked.connect(Pose(*a), Pose(*b))
-        assert part is not None
-        for piece in part:
-            pieces.append(piece.turned(round((theta - piece.start.theta) / math.tau) * math.tau))
-            theta = pieces[-1].end.theta
-    return merge(pieces)
+    path = quickest_path(np.array(poses), 1, asked, 16)
+    assert path is not None
+    return path
 
 
 def length(path: Path) -> float:
@@ -58,8 +54,7 @@ def test_on_an_open_floor_nothing_is_left_of_a_detour(
     asked = local(robot(kind), Environment(Bounds(0.0, 0.0, 40.0, 10.0)), effort)
     poses = wandering(n, n)
     path = by_way_of(asked, *poses)
-    straight = asked.connect(Pose(*poses[0]), Pose(*poses[-1]))
-    assert straight is not None
+    straight = by_way_of(asked, poses[0], poses[-1])
     shorter = shorten(path, asked, rough=effort == "good")
     assert asked.duration(shorter) <= asked.duration(straight) + 1e-6
 
