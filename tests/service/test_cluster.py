@@ -18,7 +18,7 @@ from distributed import LocalCluster
 
 from api.cluster import Cluster
 from api.errors import Refusal
-from tests.service.service import QUICK, Server, alive, serving, slow, until
+from tests.service.service import QUICK, Server, alive, serving, slow, stat, until
 
 HANG = (sum, range(10**12))
 """Never ends, and never lets go of the interpreter's lock."""
@@ -180,8 +180,9 @@ def test_a_server_that_dies_takes_its_plans_along(dask, tmp_path):
 
     run(dask, promise)
     with serving(tmp_path, scheduler=dask.scheduler_address) as server:
+        used = {pid: stat(pid)[2] for pid in pids}
         connections = [server.open(slow(20.0)) for _ in pids]
-        until(lambda: server.metric("wheelplan_workers_idle") == 0)
+        until(lambda: all(stat(pid)[2] > used[pid] + 20 for pid in pids))  # both are at work
         server.process.kill()
         until(lambda: not any(map(alive, pids)), 5)
         for connection in connections:
