@@ -122,7 +122,8 @@ class Rolling:
     Wheel i turns at rows[i]·ξ rad/s where steered[i] is false, else at ±|velocity of points[i]| /
     radius[i]. rows (m, 3); steered (m,); points (m, 2) m, body frame; radius (m,) m. heading_steers: the
     steering rate is the twist's omega (synchro); otherwise steered wheels turn as the direction of their
-    own velocity does.
+    own velocity does. trail m: by which the contacts of steered wheels trail their axes; such wheels roll so
+    once they have swung round.
     """
 
     rows: Array
@@ -130,6 +131,7 @@ class Rolling:
     points: Array
     radius: Array
     heading_steers: bool = False
+    trail: float = 0.0
 
 
 class Drive(ABC):

@@ -48,7 +48,7 @@ class SteeredModules(Drive):
     def rolling_law(self) -> Rolling:
         m = len(self.modules)
         steered, points = np.ones(m, dtype=bool), np.stack(self._axes, -1)
-        return Rolling(np.zeros((m, 3)), steered, points, np.full(m, self.wheel_radius))
+        return Rolling(np.zeros((m, 3)), steered, points, np.full(m, self.wheel_radius), trail=self.trail)
 
     def mobility(self, limits: Limits) -> Mobility:
         return Holonomic()

@@ -11,20 +11,19 @@ import numpy as np
 
 from drives.drive import Limits
 from drives.se2 import Pose
-from planner.bow import bowed
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time, is_far, reversals
 from planner.optimize import Optimizer
-from planner.path import LinePiece, Path
+from planner.path import Path
 from planner.problem import Problem
 from planner.retime import hastened
 from planner.search import Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
-from planner.trajectory import Driven, Phases
+from planner.trajectory import Phases
 
 __all__ = ["MAX_SAMPLES", "MAX_WAY", "Candidate", "candidates"]
 
@@ -98,14 +97,6 @@ def candidates(
         watch.lap("optimize")
         return [] if faster is None else [Candidate(way.planner, faster, way.found, True)]
 
-    def bow(near: Candidate) -> list[Candidate]:
-        driven = [phase for phase in near.timed.phases if isinstance(phase, Driven)]
-        faster = None
-        if drive.settled is not drive and len(driven) == 1 and isinstance(driven[0].piece, LinePiece):
-            faster = bowed(driven[0].piece, near.timed, problem, local.world, watch.is_over)
-            watch.lap("optimize")
-        return [] if faster is None else [replace(near, timed=faster, optimized=True)]
-
     if effort == "best":
         known: set[float] = set()
         for way in _ways(problem, local, goals, search, watch):
@@ -118,7 +109,7 @@ def candidates(
             # A search often finds the same way again.
             duration = round(stopped.timed.duration, 6)
             if duration not in known and not watch.is_over(optimizer.longest):
-                yield optimized(way, _BEST_ROUNDS) or bow(stopped)
+                yield optimized(way, _BEST_ROUNDS)
             known.add(duration)
         return
     ways = list(_ways(problem, local, goals, search, watch))
@@ -135,9 +126,7 @@ def candidates(
         return stopping[way]
 
     flowed: dict[_Way, Candidate] = {}
-    # Trailing wheels have to swing round first, which the optimizer knows nothing of: it seldom helps.
-    optimizes = effort == "good" and drive.settled is drive
-    if optimizes:
+    if effort == "good":
         ways.sort(key=lambda way: flowing_time(way.path, drive, limits))
         best: _Way | None = None
         for way in ways[:_GOOD_TRIES]:
@@ -163,7 +152,7 @@ def candidates(
         found = _hastened(found, limits, watch)
         watch.lap("optimize")
     yield found
-    if optimizes:
+    if effort == "good":
         patient = replace(optimizer, iterations=_PATIENCE)
         # What its check refuses would be found again.
         for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
@@ -198,7 +187,7 @@ def _ways(
     """Ways to the goal, until effort or time end; at least one that is timed, or a PlanningError."""
     options, robot = problem.options, problem.robot
     count = searched = 0
-    waits = options.effort == "good" and robot.drive.settled is robot.drive
+    waits = options.effort == "good"
     turns_back = True
     refused: LimitsInfeasible | None = None
     direct = _direct(problem.start, local, goals)

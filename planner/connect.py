@@ -264,8 +264,7 @@ class CurveConnector(Connector):
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:
     """The local planner that the robot's mobility asks for."""
-    # Trailing wheels have to swing round first, which the optimizer knows nothing of.
-    flows = options.effort != "first" and robot.drive.settled is robot.drive
+    flows = options.effort != "first"
     match robot.drive.mobility(robot.limits):
         case Holonomic() if options.reverse:
             return LineConnector(robot, world, flows=flows)

@@ -8,23 +8,23 @@ smoothed by a moving average over the time that it takes to get to speed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from drives.drive import BodyPath, Drive, Limits
-from drives.se2 import Array
+from drives.se2 import Array, Pose
 from planner.environment import CollisionWorld
 from planner.path import Curve
 from planner.problem import Robot
 from planner.time_law import cruising_speed
-from planner.trajectory import Driven, Phases
+from planner.trajectory import Driven, Flowing, Phases
 
 __all__ = [
     "KNOTS", "Coordinates", "Curves", "Guess", "cruising", "driven", "flowing", "flowing_time", "is_far",
-    "knot_count", "ramp_time", "reversals", "sampled", "way_length",
+    "knot_count", "ramp_time", "reversals", "sampled", "swings", "way_length",
 ]  # fmt: skip
 
 Coordinates = Literal["twist", "unicycle", "car"]
@@ -43,11 +43,16 @@ _FINE, _FINE_PER_KNOT = 2000, 20
 _BEND_WINDOW = 2.0
 """Over how much more time than speeds a car's curvature is smoothed: wheels are slow to steer."""
 _STILL = 1e-6
+_EARLY, _LATE = np.append(0.0, np.cumsum(np.arange(3, 17))) / 133, np.linspace(1.0, 0.0, 4)
+"""Knots from the start, as shares of the time in which casters swing round, and to the end, of that to full
+speed."""
+_SWING = 4.0
+"""After how much way casters have swung round, in units of what they trail by."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guess:
-    """A motion at n + 1 equally distant times: time (n + 1,), pose (n + 1, 3), coordinates (n + 1, c)."""
+    """A motion at n + 1 times: time (n + 1,), pose (n + 1, 3), coordinates (n + 1, c)."""
 
     time: Array
     pose: Array
@@ -55,10 +60,17 @@ class Guess:
 
     def part(self, first: int, last: int, knots: int) -> Guess:
         """What lies between two knots, at another number of them."""
-        time = np.linspace(self.time[first], self.time[last], knots + 1)
+        index = np.linspace(first, last, knots + 1)
+        time = np.interp(index, np.arange(len(self.time)), self.time)
         columns = np.column_stack([self.pose, self.coordinates])
         there = np.stack([np.interp(time, self.time, column) for column in columns.T], -1)
         return Guess(time - time[0], there[:, :3], there[:, 3:])
+
+    def led(self, coordinates: Array, ramp: float) -> Guess:
+        """The same poses, the coordinates led over from others within a time `ramp` (s)."""
+        left = np.maximum(1 - self.time / ramp, 0.0)
+        lead = np.multiply.outer(left, coordinates - self.coordinates[0])
+        return replace(self, coordinates=self.coordinates + lead)
 
 
 def driven(motion: Phases | Curves) -> Curves:
@@ -86,7 +98,7 @@ def flowing(path: Curves, drive: Drive, limits: Limits, coordinates: Coordinates
     """A motion along a path as if it flowed. Its poses stay on the path, which is known to be free."""
     cruise, pose, twist = cruising(path, drive, limits)
     ramp = ramp_time(limits)
-    time = np.linspace(0.0, cruise[-1] + ramp, knots + 1)
+    time = _knots(cruise[-1] + ramp, drive, limits, knots)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
     middle = time - ramp / 2
     within = np.clip(middle, 0.0, cruise[-1])
@@ -104,9 +116,9 @@ def flowing(path: Curves, drive: Drive, limits: Limits, coordinates: Coordinates
             return Guess(time, there, np.column_stack([rates[:, 0], bend]))
 
 
-def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
+def sampled(motion: Phases, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
     """A motion as it is."""
-    time = np.linspace(0.0, motion.duration, knots + 1)
+    time = _knots(motion.duration, motion.drive, limits, knots)
     rough = motion.sample(time)
     match coordinates:
         case "twist":
@@ -119,6 +131,20 @@ def sampled(motion: Phases, coordinates: Coordinates, knots: int) -> Guess:
             moving = np.abs(v) > _STILL
             bend = np.interp(time, fine.time[moving], omega[moving] / v[moving])
             return Guess(time, rough.pose, np.column_stack([rough.twist[:, 0], bend]))
+
+
+def swings(guess: Guess, drive: Drive, angles: Array) -> tuple[Array, Array]:
+    """Where casters stand (n + 1, k) at the knots of a guess, given their angles (k,) at the first, and how
+    far they swing (n, 2k) from each knot in a third of the interval, and until the next."""
+    time, step = guess.time, np.diff(guess.time)
+    if len(angles) == 0:
+        return np.zeros((len(time), 0)), np.zeros((len(step), 0))
+    change = (np.diff(guess.coordinates, axis=0).T / step).T
+    coefficients = np.ascontiguousarray(np.stack([guess.coordinates[:-1], change], 1))
+    motion = Flowing(Pose(*guess.pose[0].tolist()), time, coefficients, curves=False, steering=angles)
+    times = np.append(np.stack([time[:-1], time[:-1] + step / 3], 1), time[-1])
+    swung = Phases(drive, (motion,)).sample(times).steering_angle
+    return swung[::2], np.column_stack([swung[1::2] - swung[:-1:2], np.diff(swung[::2], axis=0)])
 
 
 def is_far(path: Curves, robot: Robot, world: CollisionWorld) -> bool:
@@ -174,6 +200,18 @@ def cruising(path: Curves, drive: Drive, limits: Limits) -> Cruise:
     lasting = np.diff(_SHARES) * (slowness[:, 1:] + slowness[:, :-1]) / 2
     time = np.cumsum(np.append(np.zeros((len(path), 1)), lasting, 1))
     return Cruise(time, poses, tangent * speed[:, None])
+
+
+def _knots(duration: float, drive: Drive, limits: Limits, count: int) -> Array:
+    """Times (n + 1,) of knots: of `count` intervals that last equally long; where there are casters, of some
+    shorter ones before and after them."""
+    law, ramp = drive.rolling_law(), ramp_time(limits)
+    if law.trail == 0.0:
+        return np.linspace(0.0, duration, count + 1)
+    swing = ramp + _SWING * law.trail / float((law.radius * limits.wheel_speed).min())
+    early = min(swing, duration / 3) * _EARLY
+    late = duration - min(ramp, duration / 3) * _LATE
+    return np.concatenate([early[:-1], np.linspace(early[-1], late[0], count + 1), late[1:]])
 
 
 def _smoothed(cruise: Array, columns: Array, at: Array, width: float, rest: bool) -> Array:

@@ -1,14 +1,15 @@
 """The fastest motion as an optimal control problem: multiple shooting, stated in CasADi. This
 file, retime.py and stagewise.py import casadi.
 
-Between N + 1 knots, equally far apart in time, the coordinates of the motion (see trajectory.Flowing) are
+Between N + 1 knots the coordinates of the motion (see trajectory.Flowing) are
 linear in time, or quadratic where the wheels' jerk is limited. Headings are then polynomials and positions
 are integrated by Gauss's rule, so a long interval costs no accuracy. Every limit is a row that must stay
 in [-1, 1]; wheel accelerations and jerks are the rates' derivatives, taken symbolically, so that one
 formula for the rate of a wheel serves fixed and steered wheels alike. The duration is a state that does
-not change.
+not change. Angles of casters are states, too; how far they swing in an interval, and in a third of it, are
+controls, which Radau's method ties to the motion of the body.
 
-Source: Bock and Plitt (1984), direct multiple shooting.
+Sources: Bock and Plitt (1984), direct multiple shooting; Hairer and Wanner (1996), sect. IV.5, Radau IIA.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Shape:
     coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
     to at every knot, and once between it and the next. jerk: whether wheel jerks are limited. given: what of
     the state it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature.
-    forward: whether it must not go backwards.
+    forward: whether it must not go backwards. trail: whether steered wheels are casters. pushes: whether a
+    twist's accelerations along and across its velocity are limited.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -57,6 +59,8 @@ class Shape:
     jerk: bool
     given: Literal["all", "curvature", "rest"]
     forward: bool
+    trail: bool
+    pushes: bool
 
     @property
     def size(self) -> int:
@@ -69,24 +73,36 @@ class Shape:
         return 2 if self.jerk else 1
 
     @property
-    def state(self) -> int:
-        """Pose, coordinates (and rates), duration."""
-        return 4 + self.order * self.size
+    def casters(self) -> int:
+        """How many there are."""
+        return self.steered if self.trail else 0
 
-    def units(self, knots: Any) -> tuple[list[Any], Any]:
+    @property
+    def angles(self) -> slice:
+        """Which of the state are angles of casters."""
+        first = 3 + self.order * self.size
+        return slice(first, first + self.casters)
+
+    @property
+    def state(self) -> int:
+        """Pose, coordinates (and rates), angles of casters, duration."""
+        return 4 + self.order * self.size + self.casters
+
+    def units(self, knots: Any) -> tuple[list[Any], list[Any]]:
         """What the solver's states (state,) and controls are in, so that a change over an interval is about
         one."""
-        still = self.size * (self.order - 1)
-        return [*[_EXACT] * 3, *[1.0] * self.size, *[knots] * still, 1.0], knots**self.order
+        rates = [knots] * (self.size * (self.order - 1))
+        states = [*[_EXACT] * 3, *[1.0] * self.size, *rates, *[1.0] * (self.casters + 1)]
+        return states, [*[knots**self.order] * self.size, *[1.0] * (2 * self.casters)]
 
     def parameters(self) -> dict[str, int]:
         """Names and sizes, in order.
 
-        start: pose, coordinates (and rates). goal: pose. rate (rows, 3): wheel rate over its limit per
-        twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling speed.
-        acceleration, jerk (rows + steered): rate limit over acceleration limit, and over jerk limit.
-        steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the limits of
-        speed, omega, tangential and lateral acceleration. knots: how many intervals there are.
+        start: pose, coordinates (and rates), angles of casters. goal: pose. rate (rows, 3): wheel rate over
+        its limit per twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling
+        speed. trail: of casters. acceleration, jerk (rows + steered): rate limit over acceleration limit, and
+        over jerk limit. steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the
+        limits of speed, omega, tangential and lateral acceleration. knots: how many intervals there are.
         """
         wheels = self.rows + self.steered
         return {
@@ -96,6 +112,7 @@ class Shape:
             "x": self.steered,
             "y": self.steered,
             "speed": self.steered,
+            "trail": 1,
             "acceleration": wheels,
             "jerk": wheels,
             "steering": 1,
@@ -118,17 +135,18 @@ class Solver:
         """States (knots + 1, state) and controls (knots, size), or None.
 
         guess (knots + 1, state) and controls: where to start from. A state is pose, coordinates, their
-        rates where jerk is limited, and the duration, which should be about 1, as should be lengths. Besides
-        Shape.parameters: planes (2 knots, planes, 5), at each knot and after it, and shares (knots,) of the
-        intervals, where those after a knot hold. iterations: at most so many.
+        rates where jerk is limited, angles of casters, and the duration, which should be about 1, as should
+        be lengths; controls are followed by swings of casters. Besides Shape.parameters: planes (2 knots,
+        planes, 5), at each knot and after it; shares (knots,) of the intervals, where those after a knot
+        hold; parts (knots,) of the duration that the intervals are. iterations: at most so many.
         """
         knots = len(controls)
         states, unit = self.shape.units(float(knots))
         guess, controls = guess / states, controls / unit
         given = [np.ravel(parameters[name]) for name in self.shape.parameters() if name != "knots"]
         planes = np.reshape(parameters["planes"], (knots, -1))
-        own = np.column_stack([planes, parameters["shares"]])
-        effort = _EFFORT / max(float((controls**2).sum()), 1e-9)
+        own = np.column_stack([planes, parameters["shares"], parameters["parts"]])
+        effort = _EFFORT / max(float((controls[:, : self.shape.size] ** 2).sum()), 1e-9)
         shared = np.concatenate([*given, [knots, effort]])
         found = self._program.solve(guess, controls, own, shared, iterations)
         return None if found is None else (found[0] * states, found[1] * unit)
@@ -139,19 +157,20 @@ def solver(shape: Shape) -> Solver:
     """The solver for a shape, built when first asked for (0.03 to 0.1 s)."""
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
-    x, u, effort = ca.SX.sym("x", shape.state), ca.SX.sym("u", shape.size), ca.SX.sym("effort")
-    here, later = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
-    share = ca.SX.sym("t")
     scale, unit = shape.units(symbols["knots"])
+    x, u, effort = ca.SX.sym("x", shape.state), ca.SX.sym("u", len(unit)), ca.SX.sym("effort")
+    here, later = ca.SX.sym("n", 5 * shape.planes), ca.SX.sym("m", 5 * shape.planes)
+    share, part = ca.SX.sym("t"), ca.SX.sym("h")
     states = ca.vertcat(*scale)
-    at, by = x * states, u * unit
-    after, between = motion.step(at, by, share)
+    at, by = x * states, u * ca.vertcat(*unit)
+    after, between = motion.step(at, by, part, share)
     bends = [Rows(motion.bends(at), -1, 1)] if shape.given == "rest" else []
     stage = Stage(
-        x, u, ca.vertcat(here, later, share), ca.vertcat(*symbols.values(), effort),
+        x, u, ca.vertcat(here, later, share, part), ca.vertcat(*symbols.values(), effort),
         after=after / states,
-        cost=ca.sumsqr(u) * effort,
-        held=[Rows(motion.changes(at, by), -1, 1), Rows(motion.gaps(between, later), 0, math.inf)],
+        cost=ca.sumsqr(u[: shape.size]) * effort,
+        held=[Rows(motion.changes(at, by, part), -1, 1), Rows(motion.gaps(between, later), 0, math.inf),
+              Rows(motion.swings(at, by, part), 0, 0)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
         later=[*motion.speeds(at), Rows(motion.gaps(at, here), 0, math.inf)],
         last=[*motion.speeds(at), Rows(motion.finish(at), 0, 0)],
@@ -163,6 +182,7 @@ def solver(shape: Shape) -> Solver:
 _INSIDE: dict[str, tuple[float, ...]] = {
     "fixed": (0.0,),
     "car": (0.0, 0.5, 1.0),
+    "caster": (0.0, 1 / 3, 2 / 3, 1.0),
     "twist": (0.5,),
     "jerk": (0.25, 0.75),
 }
@@ -179,6 +199,12 @@ _PARTS = np.linalg.inv(np.vander([a for a, _ in _GAUSS[3]], increasing=True)) / 
 """Times (t, t², t³), weights of the three points for the integral up to t."""
 
 
+_RADAU = {1 / 3: (5 / 12, -1 / 12), 1.0: (3 / 4, 1 / 4)}
+"""Points and weights of Radau's method of third order: stable however quickly casters swing into line."""
+_SWUNG = {0.0: (0.0, 0.0), 1 / 3: (1.0, 0.0), 2 / 3: (1.0, 1 / 3), 1.0: (0.0, 1.0)}
+"""By what share of the swings until these points they have swung elsewhere: on the parabola through them."""
+
+
 class _Motion:
     """The rows of one shape, as expressions."""
 
@@ -193,6 +219,7 @@ class _Motion:
     def _later(self, x: Any, u: Any, t: Any) -> tuple[Any, Any]:
         """Coordinates and their rates a time t after a knot."""
         _, q, r = self._split(x)
+        u = u[: self.shape.size]
         return (q + t * u, u) if r is None else (q + t * r + t**2 / 2 * u, r + t * u)
 
     def twist(self, q: Any) -> tuple[Any, Any, Any]:
@@ -204,9 +231,9 @@ class _Motion:
             case "car":
                 return q[0], 0, q[0] * q[1]
 
-    def step(self, x: Any, u: Any, share: Any) -> tuple[Any, list[Any]]:
+    def step(self, x: Any, u: Any, part: Any, share: Any) -> tuple[Any, list[Any]]:
         """The state at the next knot; the pose at a share of the way there."""
-        h = x[-1] / self.p["knots"]
+        h = part * x[-1]
         degree = self.shape.order * (2 if self.shape.coordinates == "car" else 1)
 
         def heading(t: Any) -> Any:
@@ -220,10 +247,33 @@ class _Motion:
             ways.append(h * ca.vertcat(c * vx - s * vy, s * vx + c * vy))
         whole = sum(w * way for (_, w), way in zip(_GAUSS[3], ways, strict=True))
         weights = ca.horzcat(share, share**2, share**3) @ ca.DM(_PARTS)
-        part = sum(w * way for w, way in zip(ca.horzsplit(weights), ways, strict=True))
+        moved = sum(w * way for w, way in zip(ca.horzsplit(weights), ways, strict=True))
         q, r = self._later(x, u, h)
-        after = ca.vertcat(x[:2] + whole, heading(h), q, *([r] if self.shape.jerk else []), x[-1])
-        return after, [x[0] + part[0], x[1] + part[1], heading(share * h)]
+        after = [x[:2] + whole, heading(h), q, *([r] if self.shape.jerk else [])]
+        there = [x[0] + moved[0], x[1] + moved[1], heading(share * h)]
+        return ca.vertcat(*after, self._angles(x, u, 1.0), x[-1]), there
+
+    def swings(self, x: Any, u: Any, part: Any) -> list[Any]:
+        """What is zero where casters swing as their controls say, until either of Radau's points."""
+        h, k = part * x[-1], self.shape.casters
+        swung = u[self.shape.size :]
+        rates = [self._swing(self._later(x, u, t * h)[0], self._angles(x, u, t)) for t in _RADAU] if k else []
+        return [
+            swung[i * k : i * k + k] - h * sum(w * rate for w, rate in zip(row, rates, strict=True))
+            for i, row in enumerate(_RADAU.values() if k else ())
+        ]
+
+    def _angles(self, x: Any, u: Any, share: float) -> Any:
+        """Where casters stand after a share of the interval after a knot."""
+        swung, k = u[self.shape.size :], self.shape.casters
+        first, last = _SWUNG.get(share, (0.0, 0.0))
+        return x[self.shape.angles] + first * swung[:k] + last * swung[k:]
+
+    def _swing(self, q: Any, angles: Any) -> Any:
+        """Steering rates of casters, see drives.powered_caster."""
+        vx, vy, omega = self.twist(q)
+        px, py = vx - self.p["y"] * omega, vy + self.p["x"] * omega
+        return (py * ca.cos(angles) - px * ca.sin(angles)) / self.p["trail"] - omega
 
     def begin(self, x: Any) -> list[Any]:
         """What is zero in the state to begin in."""
@@ -238,12 +288,13 @@ class _Motion:
         """Of a state to another one, as far as that is given."""
         curvature, its_rate = 4, 4 + self.shape.size
         left = {"all": (), "curvature": (its_rate,), "rest": (curvature, its_rate)}[given]
+        angles = self.shape.angles
         if self.shape.coordinates != "car":
-            left = ()
+            left = () if given == "all" else tuple(range(angles.start, angles.stop))
         return [x[i] - to[i] for i in range(self.shape.state - 1) if i not in left]
 
-    def _rates(self, q: Any) -> list[Any]:
-        """Every wheel's rate over its limit."""
+    def _rates(self, q: Any, angles: Any) -> list[Any]:
+        """Every wheel's rate over its limit; angles: of casters."""
         p, (vx, vy, omega) = self.p, self.twist(q)
         rates = [
             p["rate"][3 * i] * vx + p["rate"][3 * i + 1] * vy + p["rate"][3 * i + 2] * omega
@@ -255,7 +306,11 @@ class _Motion:
                 rolled = q[0] * ca.sqrt((1 - p["y"][i] * q[1]) ** 2 + (p["x"][i] * q[1]) ** 2)
             else:
                 px, py = vx - p["y"][i] * omega, vy + p["x"][i] * omega
-                rolled = ca.sqrt(px**2 + py**2 + _STILL**2)
+                rolled = (
+                    px * ca.cos(angles[i]) + py * ca.sin(angles[i])
+                    if self.shape.trail
+                    else ca.sqrt(px**2 + py**2 + _STILL**2)
+                )
             rates.append(rolled * p["speed"][i])
         return rates
 
@@ -264,7 +319,7 @@ class _Motion:
         _, q, _ = self._split(x)
         vx, vy, omega = self.twist(q)
         body = self.p["body"]
-        rows, capped = [*self._rates(q), omega * body[1]], []
+        rows, capped = [*self._rates(q, x[self.shape.angles]), omega * body[1]], []
         if self.shape.coordinates == "twist":
             capped.append((vx**2 + vy**2) * body[0] ** 2)
         else:
@@ -277,34 +332,47 @@ class _Motion:
         """The row that limits a car's curvature."""
         return [x[4] * self.p["curvature"]] if self.shape.coordinates == "car" else []
 
-    def changes(self, x: Any, u: Any) -> list[Any]:
+    def changes(self, x: Any, u: Any, part: Any) -> list[Any]:
         """Rows that depend on how the coordinates change, over the interval after a knot."""
-        rows = []
+        rows, h = [], part * x[-1]
         kind: str = self.shape.coordinates if self.shape.steered else "fixed"
-        for share in _INSIDE["jerk" if kind == "twist" and self.shape.jerk else kind]:
-            q, r = self._later(x, u, share * x[-1] / self.p["knots"])
-            rows += self._changes(q, r, u)
-            if self.shape.coordinates == "car" and share == 0.5:
-                # Between knots v times the curvature is no straight line.
-                rows += self._rates(q)
+        if self.shape.trail:
+            kind = "caster"
+        elif kind == "twist" and self.shape.jerk:
+            kind = "jerk"
+        for share in _INSIDE[kind]:
+            q, r = self._later(x, u, share * h)
+            angles = self._angles(x, u, share)
+            rows += self._changes(q, r, u, angles)
+            if kind in ("car", "caster") and 0 < share < 1:
+                # Between knots rates are no straight lines.
+                rows += self._rates(q, angles)
+        for share in (0.0, 0.5, 1.0) if self.shape.pushes else ():
+            rows += self._pushes(*self._later(x, u, share * h))
         if self.shape.coordinates == "car" and self.shape.jerk:
             # A parabola stays within its control points: two are at the knots, this one is between.
             _, q, r = self._split(x)
-            rows.append((q[1] + r[1] * x[-1] / (2 * self.p["knots"])) * self.p["curvature"])
+            rows.append((q[1] + r[1] * h / 2) * self.p["curvature"])
         return rows
 
-    def _changes(self, q: Any, r: Any, u: Any) -> list[Any]:
-        at, change = ca.SX.sym("q", self.shape.size), ca.SX.sym("r", self.shape.size)
-        rates = ca.vertcat(*self._rates(at))
-        acceleration = ca.jtimes(rates, at, change)
+    def _changes(self, q: Any, r: Any, u: Any, angles: Any) -> list[Any]:
+        shape, u = self.shape, u[: self.shape.size]
+        at, change, beta = (
+            ca.SX.sym(*sized) for sized in (("q", shape.size), ("r", shape.size), ("b", shape.casters))
+        )
+        rates = ca.vertcat(*self._rates(at, beta))
+        swing = self._swing(at, beta) if shape.trail else beta
+        state, moved = ca.vertcat(at, beta), ca.vertcat(change, swing)
+        acceleration = ca.jtimes(rates, state, moved)
         values = [acceleration * self.p["acceleration"]]
-        if self.shape.jerk:
-            jerk = ca.jtimes(acceleration, at, change) + ca.jtimes(acceleration, change, u)
+        if shape.jerk:
+            jerk = ca.jtimes(acceleration, state, moved) + ca.jtimes(acceleration, change, u)
             values.append(jerk * self.p["jerk"])
         vx, vy, omega = self.twist(at)
-        if self.shape.coordinates != "twist":
+        if shape.coordinates != "twist":
             values.append(change[0] * self.p["body"][2])
-        for i in range(self.shape.steered):
+        values.append(swing * self.p["steering"])
+        for i in range(0 if shape.trail else shape.steered):
             if self.shape.coordinates == "car":
                 a, b = 1 - self.p["y"][i] * at[1], self.p["x"][i] * at[1]
                 values.append(self.p["x"][i] / (a**2 + b**2) * change[1] * self.p["steering"])
@@ -312,7 +380,14 @@ class _Motion:
                 px, py = vx - self.p["y"][i] * omega, vy + self.p["x"][i] * omega
                 ax, ay = change[0] - self.p["y"][i] * change[2], change[1] + self.p["x"][i] * change[2]
                 values.append((px * ay - py * ax) / (px**2 + py**2 + _STILL) * self.p["steering"])
-        return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change), ca.vertcat(q, r))]
+        return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change, beta), ca.vertcat(q, r, angles))]
+
+    def _pushes(self, q: Any, r: Any) -> list[Any]:
+        """Rows that limit how the speed of the body origin changes, and its acceleration across."""
+        (vx, vy, omega), (ax, ay, _) = self.twist(q), self.twist(r)
+        speed = ca.sqrt(vx**2 + vy**2 + _STILL**2)
+        along, across = (vx * ax + vy * ay) / speed, (vx * ay - vy * ax) / speed + omega * speed
+        return [along * self.p["body"][2], across * self.p["body"][3]]
 
     def gaps(self, pose: Any, planes: Any) -> list[Any]:
         """How far points of the body are on the right side of half-planes."""

@@ -25,14 +25,14 @@ from planner.guess import (
     knot_count,
     ramp_time,
     sampled,
+    swings,
     way_length,
-)
+)  # fmt: skip
 from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
 from planner.rounding import rounded
-from planner.schedule import WheelSchedule
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
@@ -79,9 +79,9 @@ class Optimizer:
         """
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         if is_far(driven(motion), self.problem.robot, self.world):
-            knots = knot_count(motion, drive, limits, math.inf)
-            guess = self._guess(motion, knots)
-            found = self._solve(guess, self._begin(guess), np.zeros((2 * knots, 0, 5)), np.full(knots, 0.5))
+            guess = self._guess(motion, knot_count(motion, drive, limits, math.inf))
+            n = len(guess.time) - 1
+            found = self._solve(guess, self._begin(guess), np.zeros((2 * n, 0, 5)), np.full(n, 0.5))
             if found is not None and self._is_free(found):
                 made = self._slowed([found])
                 if made is not None:
@@ -108,7 +108,7 @@ class Optimizer:
             found = self._in_corridor(guess, begin)
             runs = None if found is None else [found]
         if runs is None and knots > WINDOW:
-            runs = receding(guess, begin, ramp_time(self.problem.robot.limits), self._window)
+            runs = receding(guess, begin, self.problem.robot, self._window)
         made = None if runs is None else self._slowed(runs)
         return None if made is None else self._finished(made)
 
@@ -211,12 +211,14 @@ class Optimizer:
         return max(least, self.problem.options.turning_radius)
 
     def _begin(self, guess: Guess) -> State:
-        """At rest where a guess begins, a car's wheels steered as the problem says, if it does."""
+        """At rest where a guess begins, wheels steered as the problem says, if it does."""
         still = np.zeros(guess.coordinates.shape[1])
+        law, steering = self.problem.robot.drive.rolling_law(), self.problem.steering
         begin = State(Pose(*guess.pose[0].tolist()), still, still, "all")
+        if law.trail > 0:
+            return begin._replace(angles=np.zeros(len(law.rows)) if steering is None else steering)
         if self._coordinates != "car":
             return begin
-        law, steering = self.problem.robot.drive.rolling_law(), self.problem.steering
         if steering is None or not law.steered.any():
             return begin._replace(given="rest")
         x, y = law.points[law.steered].T
@@ -230,7 +232,7 @@ class Optimizer:
         path, robot = driven(motion), self.problem.robot
         if path or not isinstance(motion, Phases):
             return flowing(path, robot.drive, robot.limits, self._coordinates, knots)
-        return sampled(motion, self._coordinates, knots)
+        return sampled(motion, robot.limits, self._coordinates, knots)
 
     def _solve(self, guess: Guess, begin: State, planes: Array, shares: Array) -> Flowing | None:
         """The fastest motion near a guess, from a state to rest where the guess ends, on the right side of
@@ -238,17 +240,20 @@ class Optimizer:
         limits a little."""
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         law = drive.rolling_law()
+        if law.trail > 0:  # How casters swing at first is told by how the body moves at first.
+            guess = guess.led(begin.coordinates, ramp_time(limits))
         # Of wheels that always turn alike, one will do.
         _, distinct = np.unique(np.column_stack([law.rows, limits.wheel_speed, limits.wheel_acceleration,
                                                  limits.wheel_jerk]), axis=0, return_index=True)  # fmt: skip
         fixed = np.intersect1d(np.flatnonzero(~law.steered), distinct)
         steered = np.flatnonzero(law.steered)
         order = np.concatenate([fixed, steered])
-        n = len(guess.time) - 1
+        n, pushes = len(guess.time) - 1, (limits.linear_acceleration, limits.lateral_acceleration)
         shape = Shape(
             self._coordinates, len(fixed), len(steered), planes.shape[1],
             jerk=self._is_jerk_limited, given=begin.given,
-            forward=not self.problem.options.reverse,
+            forward=not self.problem.options.reverse, trail=law.trail > 0,
+            pushes=self._coordinates == "twist" and min(pushes) < math.inf,
         )  # fmt: skip
         # Units: the extent of the motion and its present duration. The origin is where it begins.
         length = max(float(np.ptp(guess.pose[:, :2], axis=0).max()), 0.3)
@@ -260,22 +265,21 @@ class Optimizer:
             "unicycle": extent[1:] / time,
             "car": np.array([length / time, 1 / length]),
         }[shape.coordinates]
-        speed, most = (
-            limits.wheel_speed[order],
-            min(limits.angular_speed, limits.steering_rate if law.heading_steers else math.inf),
-        )
+        speed = limits.wheel_speed[order]
+        most = min(limits.angular_speed, limits.steering_rate if law.heading_steers else math.inf)
         nearby = planes.copy()
         nearby[..., 4] -= planes[..., :2] @ origin[:2]
         nearby[..., 2:] /= length
         parameters = {
             "start": np.concatenate([
                 (begin.pose - origin) / extent, begin.coordinates / unit,
-                *([begin.rates / unit * time] if shape.jerk else []),
+                *([begin.rates / unit * time] if shape.jerk else []), begin.angles,
             ]),
             "goal": (guess.pose[-1] - origin) / extent,
             "rate": law.rows[fixed] * extent / time / limits.wheel_speed[fixed, None],
             "x": law.points[steered, 0] / length, "y": law.points[steered, 1] / length,
             "speed": length / time / (law.radius[steered] * limits.wheel_speed[steered]),
+            "trail": law.trail / length,
             "acceleration": speed / limits.wheel_acceleration[order] / time,
             "jerk": speed / limits.wheel_jerk[order] / time**2, "steering": 1 / time / limits.steering_rate,
             "curvature": self._turning_radius / length,
@@ -283,17 +287,17 @@ class Optimizer:
                 length / time / limits.linear_speed, 1 / time / most,
                 length / time**2 / limits.linear_acceleration, length / time**2 / limits.lateral_acceleration,
             ],
-            "planes": nearby, "shares": shares,
+            "planes": nearby, "shares": shares, "parts": np.diff(guess.time) / time,
         }  # fmt: skip
-        q = guess.coordinates / unit
-        rates = np.gradient(q, 1 / n, axis=0)
-        first = np.column_stack(
-            [(guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), np.ones(n + 1)]
-        )
+        q, at = guess.coordinates / unit, guess.time / time
+        rates = np.gradient(q, at, axis=0)
+        angles, swung = swings(guess, drive, begin.angles)
+        first = np.column_stack([
+            (guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), angles, np.ones(n + 1),
+        ])  # fmt: skip
         begin_of_solve = perf_counter()
-        answer = solver(shape).solve(
-            parameters, first, np.diff(rates if shape.jerk else q, axis=0) * n, self.iterations
-        )
+        change = (np.diff(rates if shape.jerk else q, axis=0).T / np.diff(at)).T
+        answer = solver(shape).solve(parameters, first, np.column_stack([change, swung]), self.iterations)
         self._took.append(perf_counter() - begin_of_solve)
         if answer is None:
             return None
@@ -302,13 +306,16 @@ class Optimizer:
         coordinates = x[:, 3 : 3 + shape.size] * unit
         exact = 1 if begin.given == "rest" else shape.size
         coordinates[0, :exact] = begin.coordinates[:exact]
-        change, bow = np.diff(coordinates, axis=0) * n / duration, np.zeros((n, shape.size))
+        step, bow = duration * np.diff(at)[:, None], np.zeros((n, shape.size))
+        change = np.diff(coordinates, axis=0) / step
         if shape.jerk:
-            change, bow = x[:-1, 3 + shape.size : 3 + 2 * shape.size] * unit / time, u * unit / time**2 / 2
+            change, bow = (
+                x[:-1, 3 + shape.size : 3 + 2 * shape.size] * unit / time,
+                u[:, : shape.size] * unit / time**2 / 2,
+            )
         return Flowing(
-            begin.pose, np.linspace(0.0, duration, n + 1),
-            np.ascontiguousarray(np.stack([coordinates[:-1], change, bow], 1)),
-            self._coordinates == "car", None, limits.steering_angle,
+            begin.pose, duration * at, np.ascontiguousarray(np.stack([coordinates[:-1], change, bow], 1)),
+            self._coordinates == "car", begin.angles if len(begin.angles) else None, limits.steering_angle,
         )  # fmt: skip
 
     def _slowed(self, runs: list[Flowing]) -> Phases | None:
@@ -318,7 +325,7 @@ class Optimizer:
         phases: list[Phase] = []
         try:
             for run in runs:
-                given = replace(run, steering=steering)
+                given = replace(run, steering=steering) if run.steering is None else run
                 slower = _excess(Phases(drive, (given,)), run.time, limits)
                 if not slower < 1.5:
                     return None
@@ -361,12 +368,19 @@ def _between(values: Array, shares: Array) -> Array:
 def _excess(motion: Phases, knots: Array, limits: Limits) -> float:
     """By what factor a motion must be slowed to keep all limits; less than 1 where it may go faster."""
     h = np.diff(knots)[:, None]
-    # Just after a knot, between, and just before the next.
-    inside = (knots[:-1, None] + h * np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])).ravel()
+    # Just after a knot, between, and just before the next; slow, a body may turn aside in little time.
+    points = 5 if math.isinf(limits.lateral_acceleration) else 17
+    inside = (knots[:-1, None] + h * np.linspace(1e-6, 1 - 1e-6, points)).ravel()
     sampled = motion.sample(np.concatenate([[0.0], inside, knots[-1:]]))
-    speed = np.hypot(sampled.twist[:, 0], sampled.twist[:, 1])
+    # Velocity in the world, as complex numbers.
+    travel = (sampled.twist[:, 0] + 1j * sampled.twist[:, 1]) * np.exp(1j * sampled.pose[:, 2])
+    speed = np.abs(travel)
     step = np.diff(sampled.time)
-    within = step > 0.1 * h.min()
+    within = step > 0.01 * h.min()
+    # Acceleration across the direction of travel: means, and exactly where the robot goes where it points.
+    both = speed[:-1] + speed[1:] + 1e-9
+    across = np.abs((np.conj(travel[:-1] + travel[1:]) * np.diff(travel)).imag) / both
+    bend = np.where(sampled.twist[:, 1] == 0, np.abs(sampled.twist[:, 0] * sampled.twist[:, 2]), 0.0)
 
     def changes(values: Array) -> Array:
         slopes: Array = np.abs(np.diff(values, axis=0)[within].T / step[within])
@@ -379,14 +393,8 @@ def _excess(motion: Phases, knots: Array, limits: Limits) -> float:
         (1, np.abs(sampled.twist[:, 2]) / limits.angular_speed),
         (2, np.abs(sampled.wheel_acceleration[1:-1]) / limits.wheel_acceleration),
         (2, changes(speed) / limits.linear_acceleration),
-        (2, _lateral(sampled) / limits.lateral_acceleration),
+        (2, bend / limits.lateral_acceleration),
+        (2, across[within] / step[within] / limits.lateral_acceleration),
         (3, changes(sampled.wheel_acceleration) / limits.wheel_jerk),
     )
     return max(math.pow(np.max(over, initial=0.0), 1 / order) for order, over in orders)
-
-
-def _lateral(sampled: WheelSchedule) -> Array:
-    """Acceleration (n,) m/s² of the body origin across its direction of travel, of drives that go where
-    they point."""
-    across = np.abs(sampled.twist[:, 0] * sampled.twist[:, 2])
-    return np.where(np.abs(sampled.twist[:, 1]) > 1e-9, 0.0, across)

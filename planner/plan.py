@@ -116,9 +116,9 @@ def _certified(
 
 
 def _stops(made: WheelSchedule) -> int:
-    """How often the wheels come to rest on the way."""
-    top = np.abs(made.wheel_velocity).max(0) + 1e-300
-    still = (np.abs(made.wheel_velocity) < 1e-2 * top).all(1)
+    """How often the body comes to rest on the way: wheels of casters may, while it moves."""
+    pace = np.abs(made.twist).sum(1)
+    still = pace < 1e-2 * pace.max()
     return int(np.count_nonzero(np.diff(still.astype(int)) == 1)) - 1
 
 

@@ -24,7 +24,7 @@ from planner.trajectory import Flowing, Phases
 from planner.verify import verify
 from tests.planner.worlds import is_path_free
 
-DRIVES = ["differential", "mecanum", "ackermann", "swerve"]
+DRIVES = ["differential", "mecanum", "ackermann", "swerve", "powered_caster"]
 
 
 def long_motion(kind: str, length: float, jerk: float = np.inf) -> tuple[Problem, CollisionWorld, Phases]:
@@ -116,7 +116,7 @@ def test_where_a_window_cannot_be_solved_the_last_one_is_driven_to_its_end(
     def window(part: Guess, begin: State) -> Flowing | None:
         return None if fails(begin.coordinates) else along(part, begin)
 
-    found = receding(guess, still, 0.5, window)
+    found = receding(guess, still, ROBOTS["differential"], window)
     assert found is not None
     assert len(found) == runs
     end = still.pose.x
@@ -128,7 +128,7 @@ def test_where_a_window_cannot_be_solved_the_last_one_is_driven_to_its_end(
 
 def test_a_window_from_rest_that_cannot_be_solved_is_the_end() -> None:
     still = State(Pose(0, 0, 0), np.zeros(2), np.zeros(2), "all")
-    assert receding(straight(256), still, 0.5, lambda part, begin: None) is None
+    assert receding(straight(256), still, ROBOTS["differential"], lambda part, begin: None) is None
 
 
 def test_windows_are_as_many_as_the_length_asks_for() -> None:
@@ -139,7 +139,12 @@ def test_windows_are_as_many_as_the_length_asks_for() -> None:
             lengths.append(len(part.time))
             return along(part, begin)
 
-        receding(straight(knots), State(Pose(0, 0, 0), np.zeros(2), np.zeros(2), "all"), 0.5, window)
+        receding(
+            straight(knots),
+            State(Pose(0, 0, 0), np.zeros(2), np.zeros(2), "all"),
+            ROBOTS["differential"],
+            window,
+        )
         assert set(lengths) == {65}
         return len(lengths)
 
