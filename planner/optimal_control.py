@@ -154,7 +154,7 @@ class Solver:
 
 @lru_cache(maxsize=32)
 def solver(shape: Shape) -> Solver:
-    """The solver for a shape, built when first asked for (0.03 to 0.1 s)."""
+    """The solver for a shape, built when first asked for (0.03 to 0.1 s; casters of limited jerk, 0.4 s)."""
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
     scale, unit = shape.units(symbols["knots"])

@@ -28,6 +28,7 @@ from benchmarks.duration.direct import PLANES, Guess, program
 from benchmarks.duration.queries import COUNT, SEED, SETS, Set, query, solvable, world
 from benchmarks.duration.robots import ROBOTS
 from benchmarks.duration.starts import from_schedule, other_ways
+from drives import PoweredCaster
 from drives.se2 import Array
 from planner.environment import CollisionWorld
 from planner.errors import PlanningError
@@ -41,6 +42,8 @@ __all__ = ["Known", "improve", "load", "main", "save"]
 STORED = Path(__file__).with_name("reference.json")
 
 _KNOTS = {"open": 60, "clutter": 88}
+_MORE = 32
+"""Intervals more in clutter where casters take many of them at the ends."""
 _ROUNDS = 4
 _SPARE = (0.002, 0.01, 0.025)
 """Room (m) at knots for what happens between them, more where it did not do."""
@@ -106,8 +109,13 @@ def improve(
     return best
 
 
+def _knots(problem: Problem, which: Set) -> int:
+    casters = isinstance(problem.robot.drive, PoweredCaster)
+    return _KNOTS[which] + (_MORE if casters and which == "clutter" else 0)
+
+
 def _starts(problem: Problem, which: Set, most: int) -> Iterator[tuple[str, Guess]]:
-    knots = _KNOTS[which]
+    knots = _knots(problem, which)
     seeds = (0,) if which == "open" else tuple(range(2 * most))
     found = sorted(_plans(problem, ("good", "first"), seeds), key=lambda plan: float(plan[1].time[-1]))
     durations: list[float] = []
@@ -136,7 +144,7 @@ def _solved(
     drive: str, which: Set, problem: Problem, room: CollisionWorld, guess: Guess
 ) -> Iterator[tuple[WheelSchedule | None, str]]:
     """Certified schedules near a guess, or None and why not; in clutter several, each from the one before."""
-    knots = _KNOTS[which]
+    knots = _knots(problem, which)
     start, goal = np.array(problem.start), guess.pose[-1].copy()
     goal[:2] = problem.goal.x, problem.goal.y
     assert problem.goal.theta is not None

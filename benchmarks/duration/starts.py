@@ -22,6 +22,8 @@ _RADII = (0.15, 0.6, 1.5)
 _SCALES = (1.0, 1.6)
 _RIDES = (None, 0, 1, 2, 3, 4, 5)
 """Headings (π/3) relative to the course that a holonomic base turns to on the way; None: it turns evenly."""
+_EDGE = 15
+"""Intervals, at either end, in which casters swing round."""
 
 _Segment = tuple[float, float]
 """Way (m, negative backwards) and turn (rad) of a part from rest to rest."""
@@ -77,12 +79,11 @@ def _grid(problem: Problem, duration: float, knots: int) -> Array:
     """Times (knots + 1,), closer together where casters swing round."""
     if not isinstance(problem.robot.drive, PoweredCaster):
         return np.linspace(0.0, duration, knots + 1)
-    quarter = knots // 4
     early, late = min(0.7, 0.2 * duration), duration - min(0.5, 0.15 * duration)
     return np.concatenate([
-        np.linspace(0.0, early, quarter + 1)[:-1],
-        np.linspace(early, late, knots - 2 * quarter + 1)[:-1],
-        np.linspace(late, duration, quarter + 1),
+        np.linspace(0.0, early, _EDGE + 1)[:-1],
+        np.linspace(early, late, knots - 2 * _EDGE + 1)[:-1],
+        np.linspace(late, duration, _EDGE + 1),
     ])  # fmt: skip
 
 
