@@ -278,6 +278,8 @@ def _plain(
     planner = "direct" if path else near.planner
     path = path or _quick(near.found, quick, search, watch)
     watch.lap("shorten")
+    if near.planner == "direct" and path == near.found:
+        return []  # it is near itself
     try:
         timed = _timed(problem, path)
     except LimitsInfeasible:
