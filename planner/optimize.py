@@ -368,8 +368,8 @@ def _between(values: Array, shares: Array) -> Array:
 def _excess(motion: Phases, knots: Array, limits: Limits) -> float:
     """By what factor a motion must be slowed to keep all limits; less than 1 where it may go faster."""
     h = np.diff(knots)[:, None]
-    # Just after a knot, between, and just before the next; slow, a body may turn aside in little time.
-    points = 5 if math.isinf(limits.lateral_acceleration) else 17
+    # Just after a knot, between, and just before the next; slow, a body, or a caster, turns in little time.
+    points = 17 if motion.drive.rolling_law().trail > 0 or limits.lateral_acceleration < math.inf else 5
     inside = (knots[:-1, None] + h * np.linspace(1e-6, 1 - 1e-6, points)).ravel()
     sampled = motion.sample(np.concatenate([[0.0], inside, knots[-1:]]))
     # Velocity in the world, as complex numbers.
