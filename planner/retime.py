@@ -33,7 +33,7 @@ from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["excess", "hastened", "retimed"]
 
-_FEWEST, _MOST = 128, 1024
+_FEWEST, _MOST = 256, 1024
 """Intervals."""
 _SPREAD = 384
 """Intervals at most where no more of them are given."""
