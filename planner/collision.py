@@ -18,7 +18,8 @@ from typing import TypeAlias
 import numpy as np
 
 from drives.se2 import Array, Pose
-from planner.tree import HEAD, SIZE, edge_distance, foot, kernel, nearest, winding, within
+from planner.kernels import kernel
+from planner.tree import HEAD, SIZE, edge_distance, foot, nearest, winding, within
 
 __all__ = [
     "CONTACT", "World", "beyond", "body_point", "clear", "clearances", "field_bounds", "fill_field",

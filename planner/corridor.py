@@ -23,7 +23,8 @@ from planner.collision import (
     in_body,
     to_local,
 )  # fmt: skip
-from planner.tree import HEAD, SIZE, closest, kernel
+from planner.kernels import kernel
+from planner.tree import HEAD, SIZE, closest
 
 __all__ = ["cover", "half_planes", "hull"]
 

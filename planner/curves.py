@@ -24,7 +24,7 @@ import math
 
 import numpy as np
 
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = [
     "DUBINS",

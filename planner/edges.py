@@ -27,8 +27,8 @@ from planner.curves import (
     word_segment,
 )
 from planner.estimate import step_duration
+from planner.kernels import kernel
 from planner.sweep import linear_free, twist_free
-from planner.tree import kernel
 
 __all__ = [
     "CURVE",

@@ -8,7 +8,7 @@ import numpy as np
 
 from drives.drive import Drive, Limits
 from drives.se2 import Array
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = ["pace", "step_duration"]
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from drives.se2 import Array
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = ["agreement", "body", "ends", "route", "steering", "wheels"]
 

@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from drives.se2 import Array
+from planner.kernels import kernel
 from planner.riccati import Index, Law, Parts, Stages, backward, condense, forward, prices, split
 from planner.tape import run
-from planner.tree import kernel
 
 __all__ = ["solve"]
 

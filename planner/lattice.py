@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from drives.se2 import Array
 from planner.collision import COLUMNS, FIELD, ROWS, SOLIDS, STEP, World, field_bounds, solid
-from planner.tree import kernel, nearest
+from planner.kernels import kernel
+from planner.tree import nearest
 
 __all__ = ["roomiest", "rooms", "shortest", "smooth"]
 

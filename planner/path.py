@@ -12,7 +12,7 @@ import numpy as np
 
 from drives.drive import BodyPath
 from drives.se2 import Array, Pose, Twist, compose, exp
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = [
     "Curve",

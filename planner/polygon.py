@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
-from planner.tree import HEAD, SIZE, build_tree, kernel, nearest, places, winding
+from planner.kernels import kernel
+from planner.tree import HEAD, SIZE, build_tree, nearest, places, winding
 
 __all__ = ["check_simple_polygon", "footprint_polygon", "inner_disc", "outline", "outlines"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
+from planner.kernels import kernel
 from planner.tape import Tape
-from planner.tree import kernel
 
 __all__ = ["Index", "Law", "Parts", "Stages", "backward", "condense", "forward", "prices", "split"]
 

@@ -12,8 +12,8 @@ from planner.collision import World
 from planner.connect import Connector
 from planner.curves import SEGMENTS
 from planner.edges import CURVE, LINE, Law, bound, motion_free, step_times, ways_between
+from planner.kernels import kernel
 from planner.path import Path, as_path
-from planner.tree import kernel
 
 __all__ = ["merged", "quickest_path", "quickest_steps"]
 

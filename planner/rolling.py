@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drives.se2 import Array
+from planner.kernels import kernel
 from planner.problem import Problem
 from planner.schedule import WheelSchedule
-from planner.tree import kernel
 
 __all__ = ["Rolled", "moved", "points", "roll"]
 

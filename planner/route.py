@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from drives.se2 import Array, Pose
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = ["Route", "route_pose", "route_poses"]
 

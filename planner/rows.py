@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from drives.drive import ActuatorPath, BodyPath, Limits
 from drives.se2 import Array
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = ["holding", "is_constant", "limit_rows", "most_used"]
 

@@ -38,9 +38,10 @@ from planner.collision import (
     body_point,
     solid,
 )
+from planner.kernels import kernel
 from planner.lattice import shortest
 from planner.problem import Goal
-from planner.tree import HEAD, SIZE, closest, edge_distance, kernel, nearest, plant, winding
+from planner.tree import HEAD, SIZE, closest, edge_distance, nearest, plant, winding
 
 __all__ = ["Separation", "separate"]
 

@@ -11,9 +11,9 @@ from drives.se2 import Array
 from planner.collision import World
 from planner.connect import Connector
 from planner.edges import LINE, Law, duration, moved
+from planner.kernels import kernel
 from planner.path import Path, as_path, as_steps
 from planner.roadmap import quickest_steps
-from planner.tree import kernel
 
 __all__ = ["shorten"]
 

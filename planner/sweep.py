@@ -36,7 +36,8 @@ from planner.collision import (
     in_body,
     to_local,
 )
-from planner.tree import HEAD, SIZE, closest, kernel
+from planner.kernels import kernel
+from planner.tree import HEAD, SIZE, closest
 
 __all__ = ["linear_free", "polyline_free", "twist_free"]
 

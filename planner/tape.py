@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives.se2 import Array
-from planner.tree import kernel
+from planner.kernels import kernel
 
 __all__ = ["Tape", "record", "run"]
 

@@ -12,14 +12,12 @@ lie inside a larger array, from `start` to `stop`. A record holds
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from drives.se2 import Array
+from planner.kernels import kernel
 
 __all__ = [
     "HEAD",
@@ -28,7 +26,6 @@ __all__ = [
     "closest",
     "edge_distance",
     "foot",
-    "kernel",
     "nearest",
     "places",
     "plant",
@@ -43,17 +40,6 @@ SIZE = 5
 """Numbers in a segment."""
 
 _LEAF = 4
-
-_F = TypeVar("_F", bound=Callable[..., Any])
-
-
-def kernel(function: _F) -> _F:
-    """Compile on first use and keep the machine code beside the source.
-
-    The kept code is renewed when its own file changes, not when a file does whose kernels it calls: while
-    working on kernels, remove `__pycache__/*.nb[ic]`.
-    """
-    return cast(_F, njit(cache=True, error_model="numpy")(function))
 
 
 def plant(segments: Array, ordered: bool = False) -> Array:

@@ -19,10 +19,10 @@ from drives.drive import Holonomic
 from drives.se2 import Array, Pose, wrap
 from planner import gauges
 from planner.errors import AuditFailed
+from planner.kernels import kernel
 from planner.problem import Problem
 from planner.rolling import Rolled, moved, points, roll
 from planner.schedule import WheelSchedule
-from planner.tree import kernel
 
 __all__ = ["Certificate", "Surroundings", "verify"]
 
