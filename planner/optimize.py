@@ -7,13 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 
 from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
 from drives.se2 import Array, Pose
+from planner.client_grid import phase_on_grid
 from planner.corridor import cover, half_planes, hull
 from planner.environment import CollisionWorld
+from planner.errors import LimitsInfeasible
 from planner.guess import (
     KNOTS,
     Coordinates,
@@ -32,7 +35,6 @@ from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
-from planner.rounding import rounded
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
@@ -49,6 +51,9 @@ _INSIDE = np.linspace(0.1, 0.9, 9)
 """Shares of intervals between knots at which it is seen how near obstacles are."""
 _HALVINGS = 6
 """How exactly it is found how far a pose must be moved."""
+
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +87,9 @@ class Optimizer:
             guess = self._guess(motion, knot_count(motion, drive, limits, math.inf))
             n = len(guess.time) - 1
             found = self._solve(guess, self._begin(guess), np.zeros((2 * n, 0, 5)), np.full(n, 0.5))
-            if found is not None and self._is_free(found):
-                made = self._slowed([found])
-                if made is not None:
-                    made = self._finished(made)
-                    return made if made.duration < _duration(motion) else None
+            made = None if found is None else self._made(found)
+            if made is not None:
+                return made if made.duration < _duration(motion) else None
         knots = knot_count(motion, drive, limits)
         best = motion
         for _ in range(rounds):
@@ -103,26 +106,37 @@ class Optimizer:
         """The fastest free motion on the same side of all obstacles as a free one, or None."""
         guess = self._guess(motion, knots)
         begin = self._begin(guess)
-        runs = None
-        if knots <= KNOTS[-1]:
-            found = self._in_corridor(guess, begin)
-            runs = None if found is None else [found]
-        if runs is None and knots > WINDOW:
+        made = self._in_corridor(guess, begin, self._made) if knots <= KNOTS[-1] else None
+        if made is None and knots > WINDOW:
             runs = receding(guess, begin, self.problem.robot, self._window)
-        made = None if runs is None else self._slowed(runs)
-        return None if made is None else self._finished(made)
+            made = None if runs is None else self._made(*runs)
+        return made
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
-        found = None if self.is_over(self.longest) else self._in_corridor(guess, begin)
-        made = None if found is None else self._slowed([found])
-        if found is None or made is None:
+        if self.is_over(self.longest):
             return None
-        # The whole will be slowed by as much as the worst of its windows, unless it is retimed.
-        slow = made.phases[-1].duration > _SLOWED * found.duration
-        return None if slow and not self._is_jerk_limited else found
+        return self._in_corridor(guess, begin, self._taken)
 
-    def _in_corridor(self, guess: Guess, begin: State) -> Flowing | None:
-        """The fastest free motion on the same side of all obstacles as a guess, whose poses are free."""
+    def _taken(self, window: Flowing) -> Flowing | None:
+        """A window, if it is free and hardly exceeds a limit, or is retimed later."""
+        if not self._is_free(window):
+            return None
+        if self._is_jerk_limited:
+            return window
+        try:
+            given = window if window.steering is not None else replace(window, steering=self.problem.steering)
+            slower = _excess(
+                Phases(self.problem.robot.drive, (given,)), window.time, self.problem.robot.limits
+            )
+        except InadmissibleTwist:
+            return None
+        return window if slower <= _SLOWED else None
+
+    def _in_corridor(
+        self, guess: Guess, begin: State, made_of: Callable[[Flowing], _Made | None]
+    ) -> _Made | None:
+        """What is made of the fastest motion on the same side of all obstacles as a guess, whose poses are
+        free. made_of gives None for a motion that is not free."""
         shares = np.full(len(guess.time) - 1, 0.5)
         poses, relaxed = self._free(guess.pose, shares), True
         centres, radius = cover(self._corners)
@@ -133,8 +147,9 @@ class Optimizer:
                 for corners, grown in parts
             ], 1)  # fmt: skip
             found = self._solve(guess, begin, planes, shares)
-            if found is not None and self._is_free(found):
-                return found
+            made = None if found is None else made_of(found)
+            if made is not None:
+                return made
             if found is not None:
                 # Now beside the obstacles that the answer ran into.
                 shares = self._nearest(found)
@@ -182,11 +197,13 @@ class Optimizer:
     def _corners(self) -> Array:
         return hull(self.problem.robot.footprint.vertices)
 
-    def _is_free(self, motion: Flowing) -> bool:
+    def _is_free(self, motion: Flowing | Phases) -> bool:
         # Chords between poses: an arc strays from them by less than the certificate's tolerance, which has
         # the last word.
-        steps = math.ceil(way_length(motion.poses(motion.time)) / _STEP) + 100
-        return self.world.polyline_free(motion.poses(np.linspace(0.0, motion.duration, steps))) < 0
+        if isinstance(motion, Flowing):
+            steps = math.ceil(way_length(motion.poses(motion.time)) / _STEP) + 100
+            return self.world.polyline_free(motion.poses(np.linspace(0.0, motion.duration, steps))) < 0
+        return all(self._is_free(phase) for phase in motion.phases if isinstance(phase, Flowing))
 
     @cached_property
     def _coordinates(self) -> Coordinates:
@@ -318,38 +335,37 @@ class Optimizer:
             self._coordinates == "car", begin.angles if len(begin.angles) else None, limits.steering_angle,
         )  # fmt: skip
 
-    def _slowed(self, runs: list[Flowing]) -> Phases | None:
-        """Motions one after the other, each slowed down by as much as it exceeds any limit and preceded by
-        what steering at rest it needs."""
+    def _made(self, *runs: Flowing) -> Phases | None:
+        """Motions one after the other on the client's grid, within all limits, retimed if jerk is limited,
+        and preceded by the steering at rest that each needs. None if that is not free, or too slow."""
         drive, limits, steering = self.problem.robot.drive, self.problem.robot.limits, self.problem.steering
+        if not all(self._is_free(run) for run in runs):
+            return None
         phases: list[Phase] = []
         try:
-            for run in runs:
-                given = replace(run, steering=steering) if run.steering is None else run
-                slower = _excess(Phases(drive, (given,)), run.time, limits)
-                if not slower < 1.5:
-                    return None
-                phases.append(given.slowed(slower))
-                if steering is None and len(runs) == 1:
-                    continue
-                motion = Phases(drive, (phases[-1],))
-                first, last = motion.sample(np.array([0.0, motion.duration])).steering_angle
+            for i, run in enumerate(runs):
+                phase: Phase = replace(run, steering=steering) if run.steering is None or i > 0 else run
+                if self._is_jerk_limited:
+                    slower = _excess(Phases(drive, (phase,)), run.time, limits)
+                    retimed = Phases(drive, (run.slowed(slower),))
+                    (phase,) = hastened(retimed, limits, partial(self.is_over, 0.0)).phases
+                phase = phase_on_grid(phase, drive, limits, self._period, whole=i + 1 < len(runs))
+                ends = Phases(drive, (phase,)).sample(np.array([0.0, phase.duration])).steering_angle
+                steer = None
                 if steering is not None and drive.steers_at_rest:
-                    change = float(np.abs(first - steering).max())
-                    if change > 1e-12:
-                        lead = Steer(run.start, steering, first, change / limits.steering_rate)
-                        phases.insert(-1, lead)
-                steering = last
-        except InadmissibleTwist:
+                    steer = Steer.at_most(run.start, steering, ends[0], limits.steering_rate)
+                if steer is not None:
+                    phases.append(phase_on_grid(steer, drive, limits, self._period, whole=True))
+                phases.append(phase)
+                steering = ends[1]
+        except (InadmissibleTwist, LimitsInfeasible):
             return None
-        return Phases(drive, tuple(phases))
+        made = Phases(drive, tuple(phases))
+        return made if self._is_free(made) else None
 
-    def _finished(self, motion: Phases) -> Phases:
-        """Retimed where jerk is limited; else steering rounded off where its rate jumps."""
-        robot = self.problem.robot
-        if self._is_jerk_limited or self._coordinates != "car" or not robot.drive.rolling_law().steered.any():
-            return hastened(motion, robot.limits, partial(self.is_over, 0.0))
-        return rounded(motion, robot.limits, self.problem.options.sample_period)
+    @cached_property
+    def _period(self) -> float:
+        return self.problem.options.sample_period
 
 
 def _duration(motion: Phases | Curves) -> float:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +12,7 @@ import numpy as np
 from drives.drive import BodyPath
 from drives.se2 import Pose, wrap
 from planner.candidates import Candidate, candidates
+from planner.client_grid import on_grid
 from planner.collision import CONTACT
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
@@ -27,8 +26,6 @@ __all__ = ["Plan", "plan"]
 
 _HEADINGS = 16
 _SAME = 1e-9
-_SLOWER, _SLOWED = (1.0, 1.2, 1.5, 2.0, 3.0), 8
-"""By how much motions are slowed, tried in turn, where none passes its check, and how many of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +57,7 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
     local = connector(robot, world, options)
     watch.lap("prepare")
     best: Plan | None = None
-    refused: list[tuple[Candidate, AuditFailed]] = []
+    refused: list[AuditFailed] = []
     for found in candidates(problem, local, goals, watch):
         for candidate in found:
             if best is not None and candidate.timed.duration >= best.duration:
@@ -68,38 +65,24 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
             try:
                 best = _certified(problem, world, local, candidate, watch)
             except AuditFailed as failure:
-                refused.append((candidate, failure))
+                refused.append(failure)
             else:
                 if improved is not None and options.effort == "best":
                     improved(best)
         if options.effort != "best" and best is not None and best.planning["optimized"]:
             break
     if best is None:
-        best = _slower(problem, world, local, refused, watch)
-    return replace(best, planning=best.planning | _planning(problem, watch))
-
-
-def _slower(
-    problem: Problem,
-    world: CollisionWorld,
-    local: Connector,
-    refused: list[tuple[Candidate, AuditFailed]],
-    watch: Stopwatch,
-) -> Plan:
-    """One of the motions that were refused, slower: where samples are far apart, less happens between them.
-    Raises what the first was refused for."""
-    fastest = sorted({each.timed.duration: each for each, _ in refused}.items())[:_SLOWED]
-    for by, (_, candidate) in itertools.product(_SLOWER, fastest):
-        slower = replace(candidate, timed=candidate.timed.slowed(by, problem.options.sample_period))
-        with suppress(AuditFailed):
-            return _certified(problem, world, local, slower, watch)
-    raise refused[0][1]
+        raise refused[0]
+    return replace(best, planning=best.planning | _planning(problem, watch) | {"refused": len(refused)})
 
 
 def _certified(
     problem: Problem, world: CollisionWorld, local: Connector, candidate: Candidate, watch: Stopwatch
 ) -> Plan:
-    made = schedule(candidate.timed, problem.options.sample_period)
+    timed, period = candidate.timed, problem.options.sample_period
+    if not candidate.optimized:
+        timed = on_grid(timed, problem.robot.limits, period)
+    made = schedule(timed, period)
     watch.lap("schedule")
     try:
         certificate = verify(problem, made, world)
@@ -112,7 +95,7 @@ def _certified(
         "stops": _stops(made),
     }
     way = float(np.hypot(*np.diff(made.pose[:, :2], axis=0).T).sum())
-    return Plan(candidate.timed.duration, way, made, certificate, _planning(problem, watch, **about))
+    return Plan(timed.duration, way, made, certificate, _planning(problem, watch, **about))
 
 
 def _stops(made: WheelSchedule) -> int:

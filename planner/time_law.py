@@ -22,7 +22,7 @@ from toppra.interpolator import AbstractGeometricPath
 from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from drives.drive import ActuatorPath, BodyPath, Drive, InadmissibleTwist, Limits
-from drives.se2 import Array, Pose
+from drives.se2 import Array
 from planner import rows, sampling
 from planner.errors import LimitsInfeasible
 from planner.path import Curve
@@ -56,7 +56,8 @@ def time_path(path: Sequence[Curve], drive: Drive, limits: Limits, steering: Arr
         sampled, law = _grid(piece, drive, limits, steering)
         needed = law.steering[0]
         if steering is not None and drive.steers_at_rest:
-            _steer(phases, piece.start, steering, needed, limits)
+            steer = Steer.at_most(piece.start, steering, needed, limits.steering_rate)
+            phases += [] if steer is None else [steer]
         phases.append(_driven(piece, sampled, law, drive, limits))
         steering = law.steering[-1]
     return Phases(drive, tuple(phases))
@@ -68,12 +69,6 @@ def cruising_speed(drive: Drive, limits: Limits, path: BodyPath) -> Array:
     _, _, x_max = rows.limit_rows(path, drive.settled.actuators(path), limits)
     speed: Array = np.sqrt(x_max)
     return speed
-
-
-def _steer(phases: list[Phase], pose: Pose, before: Array, after: Array, limits: Limits) -> None:
-    change = float(np.max(np.abs(after - before), initial=0.0))
-    if change > 1e-12:
-        phases.append(Steer(pose, before, after, change / limits.steering_rate))
 
 
 def _grid(

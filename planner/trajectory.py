@@ -17,6 +17,9 @@ from planner.schedule import WheelSchedule
 
 __all__ = ["Driven", "Flowing", "Phase", "Phases", "Profile", "Steer", "Warped"]
 
+_TURNED = 1e-12
+"""Steering angles (rad) that differ by less are equal."""
+
 
 class Phase(Protocol):
     """Part of a motion."""
@@ -44,16 +47,6 @@ class Phases:
     def duration(self) -> float:
         return math.fsum(phase.duration for phase in self.phases)
 
-    def slowed(self, by: float, period: float) -> Phases:
-        """The same motion in `by` times the time and a little more, so that every phase takes whole periods
-        (s)."""
-        phases = []
-        for phase in self.phases:
-            duration = math.ceil(by * phase.duration / period) * period
-            law = np.array([[0.0], [phase.duration / duration], [0.0], [0.0]])
-            phases.append(Warped(phase, Profile(np.array([0.0, duration]), *law)))
-        return Phases(self.drive, tuple(phases))
-
     def sample(self, time: Array) -> WheelSchedule:
         """The motion at times (n,), which must increase within [0, duration]."""
         n, m, k = len(time), len(self.drive.wheel_names), len(self.drive.steered_names)
@@ -72,30 +65,7 @@ class Phases:
             local = np.clip(time[first:end] - begin, 0.0, phase.duration)
             angle = phase.fill(self.drive, local, out, slice(first, end), angle)
             begin += phase.duration
-        # A motion begins and ends at rest. A steering rate may jump there: report the side that is rest.
-        rest = (time <= 0.0) | (time >= self.duration * (1 - 1e-12))
-        out.steering_rate[rest] = out.wheel_velocity[rest] = out.twist[rest] = 0.0
         return out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Steer:
-    """The body at rest while steered wheels turn from `before` to `after` (k,), each at a constant rate."""
-
-    pose: Pose
-    before: Array
-    after: Array
-    duration: float
-
-    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
-        rate = (self.after - self.before) / self.duration
-        out.wheel_angle[rows] = angle
-        out.steering_angle[rows] = self.before + np.multiply.outer(time, rate)
-        # Where it jumps the rate is that of the motion before or after, which turns while it drives.
-        inside = (time > 1e-9 * self.duration) & (time < (1 - 1e-9) * self.duration)
-        out.steering_rate[rows] = np.multiply.outer(inside, rate)
-        out.pose[rows] = self.pose
-        return angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +97,38 @@ class Profile:
         return Profile(
             self.time * by, self.position, self.velocity / by, self.acceleration / by**2, self.jerk / by**3
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steer:
+    """The body at rest while steered wheels turn from `before` to `after` (k,) as a profile tells."""
+
+    pose: Pose
+    before: Array
+    after: Array
+    profile: Profile
+
+    @classmethod
+    def at_most(cls, pose: Pose, before: Array, after: Array, rate: float) -> Steer | None:
+        """The steering at a rate (rad/s); None if nothing is to be turned."""
+        change = float(np.max(np.abs(after - before), initial=0.0))
+        if change <= _TURNED:
+            return None
+        speed, still = np.array([rate / change]), np.zeros(1)
+        return cls(pose, before, after, Profile(np.array([0.0, change / rate]), still, speed, still, still))
+
+    @property
+    def duration(self) -> float:
+        return self.profile.duration
+
+    def fill(self, drive: Drive, time: Array, out: WheelSchedule, rows: slice, angle: Array) -> Array:
+        share, rate, _ = self.profile.at(time)
+        turn = self.after - self.before
+        out.wheel_angle[rows] = angle
+        out.steering_angle[rows] = self.before + np.multiply.outer(np.clip(share, 0.0, 1.0), turn)
+        out.steering_rate[rows] = np.multiply.outer(rate, turn)
+        out.pose[rows] = self.pose
+        return angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,6 +262,10 @@ class Flowing:
         knots, here = sampling.union(self.time, time)
         every: Array = self._poses(knots, self.start.theta + self._turned(knots))[here]
         return every
+
+    def twists(self, time: Array) -> Array:
+        """Twists (n, 3) at increasing times (n,)."""
+        return self._twist(time)[0]
 
     def _twist(self, t: Array) -> tuple[Array, Array]:
         """Twists and their rates (n, 3)."""

@@ -1,0 +1,300 @@
+"""A motion → the same motion on the client's grid, where accelerations change at samples only.
+
+Clients interpolate samples with cubic Hermite polynomials. These equal the planned motion if that is smooth
+between samples. So the velocities of every phase become splines in time whose knots are the samples: of
+degree one, or of degree two where a steering angle follows them or jerk is limited. A control point is the
+mean of the given velocity over the cell around it. Means keep every convex limit that the given motion keeps,
+and the way driven does not drift (compare Schoenberg's approximation, de Boor, 1978, chapter XI).
+
+What little the end is off is corrected by the smallest change of velocities; what little a limit is exceeded
+by slows the phase down.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from drives.drive import Drive, Limits
+from drives.se2 import Array
+from planner.errors import LimitsInfeasible
+from planner.schedule import sample_times
+from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Steer, Warped
+from planner.usage import slow_factor
+
+__all__ = ["on_grid", "phase_on_grid"]
+
+_TRIES, _SLOWEST = 12, 4.0
+"""How often a phase is slowed down, and by how much in all at most."""
+_EXACT, _SPARE = 2e-4, 1e-4
+"""Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
+_CORRECTIONS, _MISS = 5, 1e-8
+"""How often the end is corrected, and the miss (m, rad) that needs no correction."""
+_LAST_STEP = 0.05
+"""Shortest last step in sample periods. Differences over a shorter one are rounding."""
+_STEPS = 3
+"""Fewest steps of a phase."""
+_TURN = 0.1
+"""Angular speed (rad/s) for each m/s of speed that a correction may change at least."""
+
+
+def on_grid(motion: Phases, limits: Limits, period: float) -> Phases:
+    """The motion, each phase but the last in whole sample periods (s). Raises LimitsInfeasible."""
+    last = len(motion.phases) - 1
+    return Phases(
+        motion.drive,
+        tuple(
+            phase_on_grid(phase, motion.drive, limits, period, whole=i < last)
+            for i, phase in enumerate(motion.phases)
+        ),
+    )
+
+
+def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, whole: bool) -> Phase:
+    """The phase on the grid, from rest to rest within all limits.
+
+    whole: it takes whole sample periods (s). Raises LimitsInfeasible.
+    """
+    smooth = bool(np.isfinite(limits.wheel_jerk).any())
+    duration = phase.duration
+    most = _SLOWEST * duration + 8 * period
+    for _ in range(_TRIES):
+        time = _times(duration, period, whole)
+        made = _spline(phase, time, drive, smooth)
+        factor = slow_factor(made, time, drive, limits)
+        if factor <= 1 + _EXACT:
+            return made
+        duration = float(time[-1]) * min(factor, 1.5) + _SPARE * phase.duration
+        if not duration < most:
+            break
+    raise LimitsInfeasible(
+        f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
+        f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
+    )
+
+
+def _times(duration: float, period: float, whole: bool) -> Array:
+    """0, period, 2 period, …, and a duration not shorter than the given one."""
+    count = max(duration / period, _STEPS - 1 + _LAST_STEP)
+    if whole or count - math.floor(count) < 1e-9:
+        return np.arange(math.ceil(count - 1e-9) + 1.0) * period
+    if count - math.floor(count) < _LAST_STEP:
+        count = math.floor(count) + _LAST_STEP
+    return sample_times(count * period, period)
+
+
+def _given(phase: Phase) -> Phase:
+    while isinstance(phase, Warped):
+        phase = phase.phase
+    return phase
+
+
+def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool) -> Phase:
+    """The phase, spread over the times (n + 1,) of the samples."""
+    match _given(phase):
+        case Driven() | Steer() as given:
+            return replace(given, profile=_driven(phase, time, jerk_limited))
+        case Flowing() as given:
+            return _flowing(phase, given, time, drive, jerk_limited)
+    raise TypeError(f"{type(phase).__name__} has no velocities to put on a grid")
+
+
+# ---------------------------------------------------------------- splines
+
+
+def _edges(time: Array, quadratic: bool) -> Array:
+    """The ends of the cells whose means are control points: between the samples, or around them."""
+    if quadratic:
+        return time
+    return np.concatenate([time[:1], (time[:-1] + time[1:]) / 2, time[-1:]])
+
+
+def _controls(means: Array, first: float, last: float, quadratic: bool) -> Array:
+    """Control points of a spline, those at the ends given."""
+    return np.concatenate([[first], means if quadratic else means[1:-1], [last]])
+
+
+def _polynomials(step: Array, controls: Array, quadratic: bool) -> Array:
+    """Coefficients (n, 3) of the spline over intervals that last step (n,)."""
+    if not quadratic:
+        slope = np.diff(controls) / step
+        return np.stack([controls[:-1], slope, np.zeros_like(slope)], 1)
+    apart = np.concatenate([step[:1], step[:-1] + step[1:], step[-1:]]) / 2
+    slope = np.diff(controls) / apart
+    at = controls[:-1] + slope * np.append(0.0, step / 2)
+    return np.stack([at[:-1], slope[:-1], np.diff(slope) / (2 * step)], 1)
+
+
+def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
+    """s(t) from 0 to 1, at rest at both ends, its velocity a spline of such means."""
+    controls = _controls(means, 0.0, 0.0, quadratic)
+    if quadratic:
+        controls[[1, -2]] = 0.0
+    step = np.diff(time)
+    velocity, change, bow = _polynomials(step, controls, quadratic).T
+    way = np.cumsum(np.append(0.0, step * (velocity + step * (change / 2 + step * bow / 3))))
+    end = way[-1]
+    return Profile(time, way[:-1] / end, velocity / end, change / end, 2 * bow / end)
+
+
+def _driven(phase: Phase, time: Array, quadratic: bool) -> Profile:
+    """The profile on the grid of a Driven phase, or of one that follows it at other times."""
+    edges = _edges(time, quadratic)
+    position = _position(phase, edges * (phase.duration / time[-1]))
+    return _profile(time, np.diff(position) / np.diff(edges), quadratic)
+
+
+def _position(phase: Phase, time: Array) -> Array:
+    """s at times (n,) of a phase that has a profile, or of one that follows it at other times."""
+    if isinstance(phase, Warped):
+        then, _, _ = phase.profile.at(time)
+        return _position(phase.phase, np.clip(then, 0.0, phase.phase.duration))
+    assert isinstance(phase, Driven | Steer)
+    position, _, _ = phase.profile.at(time)
+    return position
+
+
+# ---------------------------------------------------------------- coordinates
+
+
+class _Coordinates:
+    """What the coordinates of a Flowing phase are.
+
+    bent: whether column 1 is a curvature; its changes steer. quadratic (c,): columns whose splines have
+    degree two. calm (c,): those whose slope is zero at both ends. straight: whether the direction of the
+    velocity must be constant over the first and the last interval, as wheels are steered to follow it.
+    """
+
+    def __init__(self, phase: Flowing, drive: Drive, jerk_limited: bool) -> None:
+        law = drive.rolling_law()
+        size = phase.coefficients.shape[2]
+        steered = bool(law.steered.any()) and law.trail == 0.0
+        self.bent = phase.curves
+        bends = np.arange(size) == (1 if phase.curves else -1)
+        self.quadratic = bends | jerk_limited | (steered and not phase.curves)
+        self.calm = bends | jerk_limited
+        self.straight = steered and not phase.curves and not jerk_limited
+        self.velocity = ~bends
+
+
+def _flowing(phase: Phase, given: Flowing, time: Array, drive: Drive, jerk_limited: bool) -> Flowing:
+    """A motion whose coordinates are splines on the grid; it ends where the given one does."""
+    kind = _Coordinates(given, drive, jerk_limited)
+    slow = phase.duration / time[-1]
+    ends = _values(phase, np.array([0.0, phase.duration]), kind)
+    ends[:, kind.velocity] = 0.0
+    controls = []
+    for j, quadratic in enumerate(kind.quadratic):
+        edges = _edges(time, quadratic)
+        means = _means(phase, edges * slow, kind)[:, j] * (slow if kind.velocity[j] else 1.0)
+        controls.append(_controls(means, float(ends[0, j]), float(ends[1, j]), quadratic))
+    goal = given.poses(given.time)[-1]
+    for left in reversed(range(_CORRECTIONS + 1)):
+        made = _assembled(given, time, controls, kind)
+        pose = made.poses(time)
+        miss = goal - pose[-1]
+        if left == 0 or np.abs(miss).max() < _MISS:
+            break
+        _correct(controls, made, pose, miss, kind)
+    return made
+
+
+def _values(phase: Phase, time: Array, kind: _Coordinates) -> Array:
+    """Coordinates (n, c) at times of a Flowing phase, or of one that follows it at other times."""
+    if isinstance(phase, Warped):
+        then, rate, _ = phase.profile.at(time)
+        inner = _values(phase.phase, np.clip(then, 0.0, phase.phase.duration), kind)
+        return np.where(kind.velocity, inner * rate[:, None], inner)
+    assert isinstance(phase, Flowing)
+    found: Array = _piecewise(phase)(time)
+    return found
+
+
+def _piecewise(phase: Flowing) -> PPoly:
+    return PPoly(phase.coefficients[:, ::-1].swapaxes(0, 1), phase.time)
+
+
+def _means(phase: Phase, edges: Array, kind: _Coordinates) -> Array:
+    """Mean coordinates (n - 1, c) between times (n,) of the phase."""
+    if isinstance(phase, Flowing):
+        means: Array = np.diff(_piecewise(phase).antiderivative()(edges), axis=0) / np.diff(edges)[:, None]
+        return means
+    ends, middle = _values(phase, edges, kind), _values(phase, (edges[:-1] + edges[1:]) / 2, kind)
+    simpson: Array = (ends[:-1] + 4 * middle + ends[1:]) / 6
+    return simpson
+
+
+def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordinates) -> Flowing:
+    """The motion of splines with these control points, the ends brought to what they must be."""
+    step = np.diff(time)
+    for column, calm, velocity in zip(controls, kind.calm, kind.velocity, strict=True):
+        if calm:
+            column[1] = column[0]
+            if velocity:
+                column[-2] = column[-1]
+            else:
+                column[-1] = column[-2]
+        elif kind.straight:
+            column[1] = column[2] * (step[0] / (step[1] + 2 * step[0]))
+            column[-2] = column[-3] * (step[-1] / (step[-2] + 2 * step[-1]))
+    columns = [_polynomials(step, *each) for each in zip(controls, kind.quadratic, strict=True)]
+    return replace(given, time=time, coefficients=np.stack(columns, 2), steering_limit=math.inf)
+
+
+def _correct(controls: list[Array], motion: Flowing, pose: Array, miss: Array, kind: _Coordinates) -> None:
+    """Change the control points by as little as moves the end by `miss` (3,).
+
+    pose (n + 1, 3): at the samples. Changes are weighed with the square of the speed, so that a motion keeps
+    its direction, and rests when it rested.
+    """
+    step, twist = np.diff(motion.time), motion.twists(motion.time)
+    fastest = max(float(np.hypot(*twist[:, :2].T).max()), 1e-9)
+    turning = max(float(np.abs(twist[:, 2]).max()), _TURN * fastest)
+    pace = np.abs(twist / [fastest, fastest, turning]).max(1) ** 2
+    effects = _effects(pose, twist, kind)
+    parts = []
+    for j, quadratic in enumerate(kind.quadratic):
+        pace_there, *effect = (_at_controls(each, quadratic) for each in (pace, *effects[j].T))
+        unit = turning if j == len(controls) - 1 else fastest
+        weight = pace_there * unit**2
+        if not kind.velocity[j]:
+            most = max(float(np.abs(controls[j]).max()), 1e-3)
+            weight = pace_there * (most**2 - controls[j] ** 2)
+        weight[[0, -1]] = 0.0
+        parts.append((weight, np.stack(effect, 1), _cells(step, quadratic)))
+    normal = sum(effect.T @ ((weight * cell)[:, None] * effect) for weight, effect, cell in parts)
+    force = np.linalg.lstsq(normal, miss, rcond=1e-9)[0]
+    for j, (weight, effect, _) in enumerate(parts):
+        controls[j] += weight * (effect @ force)
+
+
+def _at_controls(values: Array, quadratic: bool) -> Array:
+    """Values (n + 1,) at samples, at the control points of a spline."""
+    if not quadratic:
+        return values.copy()
+    return np.concatenate([values[:1], (values[:-1] + values[1:]) / 2, values[-1:]])
+
+
+def _cells(step: Array, quadratic: bool) -> Array:
+    """How long (s) each control point counts."""
+    if quadratic:
+        return np.concatenate([[0.0], step, [0.0]])
+    return (np.append(step, 0.0) + np.append(0.0, step)) / 2
+
+
+def _effects(pose: Array, twist: Array, kind: _Coordinates) -> list[Array]:
+    """By how much the end moves (n + 1, 3) for each unit of a coordinate that is held for a second, at
+    samples whose poses and twists (n + 1, 3) are given."""
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    one, zero = np.ones_like(c), np.zeros_like(c)
+    x, y = (pose[-1] - pose)[:, :2].T
+    turn = np.stack([-y, x, one], 1)
+    ahead, aside = np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1)
+    if kind.bent:
+        v, omega = twist[:, 0], twist[:, 2]
+        bend = np.divide(omega, v, out=np.zeros_like(c), where=np.abs(v) > 1e-9)
+        return [ahead + bend[:, None] * turn, v[:, None] * turn]
+    return [ahead, aside, turn] if len(kind.velocity) == 3 else [ahead, turn]
