@@ -62,7 +62,7 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     duration = phase.duration
     most = _SLOWEST * duration + 8 * period
     for _ in range(_TRIES):
-        time = _times(duration, period, whole)
+        time = _times(duration, period, whole or smooth)
         made = _spline(phase, time, drive, smooth)
         factor = slow_factor(made, time, drive, limits)
         if factor <= 1 + _EXACT:
@@ -95,8 +95,11 @@ def _given(phase: Phase) -> Phase:
 def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool) -> Phase:
     """The phase, spread over the times (n + 1,) of the samples."""
     match _given(phase):
-        case Driven() | Steer() as given:
-            return replace(given, profile=_driven(phase, time, jerk_limited))
+        case Steer() as given:
+            return replace(given, profile=_followed(phase, time, quadratic=False))
+        case Driven() as given:
+            rolls = drive.actuators(given.piece.body_path(np.array([0.0, 1.0])), given.steering).wheel.any()
+            return replace(given, profile=_followed(phase, time, jerk_limited and bool(rolls)))
         case Flowing() as given:
             return _flowing(phase, given, time, drive, jerk_limited)
     raise TypeError(f"{type(phase).__name__} has no velocities to put on a grid")
@@ -105,16 +108,14 @@ def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool) -> Phas
 # ---------------------------------------------------------------- splines
 
 
-def _edges(time: Array, quadratic: bool) -> Array:
-    """The ends of the cells whose means are control points: between the samples, or around them."""
+def _cells(time: Array, quadratic: bool) -> tuple[Array, Array]:
+    """Begin and end (m,) of the cells whose means are control points, those at the ends left out: the
+    intervals between samples, or as much around each sample as lies within the shorter of its intervals."""
     if quadratic:
-        return time
-    return np.concatenate([time[:1], (time[:-1] + time[1:]) / 2, time[-1:]])
-
-
-def _controls(means: Array, first: float, last: float, quadratic: bool) -> Array:
-    """Control points of a spline, those at the ends given."""
-    return np.concatenate([[first], means if quadratic else means[1:-1], [last]])
+        return time[:-1], time[1:]
+    step = np.diff(time)
+    half = np.minimum(step[:-1], step[1:]) / 2
+    return time[1:-1] - half, time[1:-1] + half
 
 
 def _polynomials(step: Array, controls: Array, quadratic: bool) -> Array:
@@ -130,9 +131,9 @@ def _polynomials(step: Array, controls: Array, quadratic: bool) -> Array:
 
 def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
     """s(t) from 0 to 1, at rest at both ends, its velocity a spline of such means."""
-    controls = _controls(means, 0.0, 0.0, quadratic)
+    controls = np.concatenate([[0.0], means, [0.0]])
     if quadratic:
-        controls[[1, -2]] = 0.0
+        controls[1:-1] -= np.linspace(controls[1], controls[-2], len(means))
     step = np.diff(time)
     velocity, change, bow = _polynomials(step, controls, quadratic).T
     way = np.cumsum(np.append(0.0, step * (velocity + step * (change / 2 + step * bow / 3))))
@@ -140,11 +141,12 @@ def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
     return Profile(time, way[:-1] / end, velocity / end, change / end, 2 * bow / end)
 
 
-def _driven(phase: Phase, time: Array, quadratic: bool) -> Profile:
-    """The profile on the grid of a Driven phase, or of one that follows it at other times."""
-    edges = _edges(time, quadratic)
-    position = _position(phase, edges * (phase.duration / time[-1]))
-    return _profile(time, np.diff(position) / np.diff(edges), quadratic)
+def _followed(phase: Phase, time: Array, quadratic: bool) -> Profile:
+    """The profile on the grid of a phase that has one, or of one that follows it at other times."""
+    slow = phase.duration / time[-1]
+    begin, end = _cells(time, quadratic)
+    way = _position(phase, end * slow) - _position(phase, begin * slow)
+    return _profile(time, way / (end - begin), quadratic)
 
 
 def _position(phase: Phase, time: Array) -> Array:
@@ -188,9 +190,9 @@ def _flowing(phase: Phase, given: Flowing, time: Array, drive: Drive, jerk_limit
     ends[:, kind.velocity] = 0.0
     controls = []
     for j, quadratic in enumerate(kind.quadratic):
-        edges = _edges(time, quadratic)
-        means = _means(phase, edges * slow, kind)[:, j] * (slow if kind.velocity[j] else 1.0)
-        controls.append(_controls(means, float(ends[0, j]), float(ends[1, j]), quadratic))
+        begin, end = _cells(time, quadratic)
+        means = _means(phase, begin * slow, end * slow, kind)[:, j] * (slow if kind.velocity[j] else 1.0)
+        controls.append(np.concatenate([ends[:1, j], means, ends[1:, j]]))
     goal = given.poses(given.time)[-1]
     for left in reversed(range(_CORRECTIONS + 1)):
         made = _assembled(given, time, controls, kind)
@@ -209,21 +211,22 @@ def _values(phase: Phase, time: Array, kind: _Coordinates) -> Array:
         inner = _values(phase.phase, np.clip(then, 0.0, phase.phase.duration), kind)
         return np.where(kind.velocity, inner * rate[:, None], inner)
     assert isinstance(phase, Flowing)
-    found: Array = _piecewise(phase)(time)
-    return found
+    values: Array = _piecewise(phase)(time)
+    return values
 
 
 def _piecewise(phase: Flowing) -> PPoly:
     return PPoly(phase.coefficients[:, ::-1].swapaxes(0, 1), phase.time)
 
 
-def _means(phase: Phase, edges: Array, kind: _Coordinates) -> Array:
-    """Mean coordinates (n - 1, c) between times (n,) of the phase."""
+def _means(phase: Phase, begin: Array, end: Array, kind: _Coordinates) -> Array:
+    """Mean coordinates (m, c) between times (m,) of the phase."""
     if isinstance(phase, Flowing):
-        means: Array = np.diff(_piecewise(phase).antiderivative()(edges), axis=0) / np.diff(edges)[:, None]
+        whole = _piecewise(phase).antiderivative()
+        means: Array = (whole(end) - whole(begin)) / (end - begin)[:, None]
         return means
-    ends, middle = _values(phase, edges, kind), _values(phase, (edges[:-1] + edges[1:]) / 2, kind)
-    simpson: Array = (ends[:-1] + 4 * middle + ends[1:]) / 6
+    first, middle, last = (_values(phase, time, kind) for time in (begin, (begin + end) / 2, end))
+    simpson: Array = (first + 4 * middle + last) / 6
     return simpson
 
 
@@ -232,10 +235,10 @@ def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordi
     step = np.diff(time)
     for column, calm, velocity in zip(controls, kind.calm, kind.velocity, strict=True):
         if calm:
-            column[1] = column[0]
-            if velocity:
-                column[-2] = column[-1]
-            else:
+            most, shares = np.abs(column).max(), np.linspace(0.0, 1.0, len(column) - 2)
+            first, last = column[1] - column[0], column[-2] - column[-1] if velocity else 0.0
+            column[1:-1] = np.clip(column[1:-1] - first - (last - first) * shares, -most, most)
+            if not velocity:
                 column[-1] = column[-2]
         elif kind.straight:
             column[1] = column[2] * (step[0] / (step[1] + 2 * step[0]))
@@ -255,7 +258,7 @@ def _correct(controls: list[Array], motion: Flowing, pose: Array, miss: Array, k
     turning = max(float(np.abs(twist[:, 2]).max()), _TURN * fastest)
     pace = np.abs(twist / [fastest, fastest, turning]).max(1) ** 2
     effects = _effects(pose, twist, kind)
-    parts = []
+    parts: list[tuple[Array, Array, Array]] = []
     for j, quadratic in enumerate(kind.quadratic):
         pace_there, *effect = (_at_controls(each, quadratic) for each in (pace, *effects[j].T))
         unit = turning if j == len(controls) - 1 else fastest
@@ -264,8 +267,10 @@ def _correct(controls: list[Array], motion: Flowing, pose: Array, miss: Array, k
             most = max(float(np.abs(controls[j]).max()), 1e-3)
             weight = pace_there * (most**2 - controls[j] ** 2)
         weight[[0, -1]] = 0.0
-        parts.append((weight, np.stack(effect, 1), _cells(step, quadratic)))
-    normal = sum(effect.T @ ((weight * cell)[:, None] * effect) for weight, effect, cell in parts)
+        parts.append((weight, np.stack(effect, 1), _shares(step, quadratic)))
+    normal = np.zeros((3, 3))
+    for weight, effect, share in parts:
+        normal += effect.T @ ((weight * share)[:, None] * effect)
     force = np.linalg.lstsq(normal, miss, rcond=1e-9)[0]
     for j, (weight, effect, _) in enumerate(parts):
         controls[j] += weight * (effect @ force)
@@ -278,7 +283,7 @@ def _at_controls(values: Array, quadratic: bool) -> Array:
     return np.concatenate([values[:1], (values[:-1] + values[1:]) / 2, values[-1:]])
 
 
-def _cells(step: Array, quadratic: bool) -> Array:
+def _shares(step: Array, quadratic: bool) -> Array:
     """How long (s) each control point counts."""
     if quadratic:
         return np.concatenate([[0.0], step, [0.0]])
