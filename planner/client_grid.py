@@ -35,8 +35,6 @@ _CORRECTIONS, _MISS = 5, 1e-8
 """How often the end is corrected, and the miss (m, rad) that needs no correction."""
 _LAST_STEP = 0.05
 """Shortest last step in sample periods. Differences over a shorter one are rounding."""
-_STEPS = 3
-"""Fewest steps of a phase."""
 _TURN = 0.1
 """Angular speed (rad/s) for each m/s of speed that a correction may change at least."""
 
@@ -60,13 +58,18 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     """
     smooth = bool(np.isfinite(limits.wheel_jerk).any())
     duration = phase.duration
-    most = _SLOWEST * duration + 8 * period
+    most, least = _SLOWEST * duration + 8 * period, _fewest_steps(_given(phase), smooth)
+    lags: tuple[float, ...] = (0.0,)
     for _ in range(_TRIES):
-        time = _times(duration, period, whole or smooth)
-        made = _spline(phase, time, drive, smooth)
-        factor = slow_factor(made, time, drive, limits)
+        time = _times(duration, period, whole or smooth, least)
+        made = [_spline(phase, time, drive, smooth, lag) for lag in lags]
+        factors = [slow_factor(each, time, drive, limits) for each in made]
+        factor = min(factors)
         if factor <= 1 + _EXACT:
-            return made
+            return made[factors.index(factor)]
+        if len(lags) == 1 and _is_bent(phase):
+            lags, duration = (0.0, 0.5), duration + _SPARE * phase.duration
+            continue
         duration = float(time[-1]) * min(factor, 1.5) + _SPARE * phase.duration
         if not duration < most:
             break
@@ -76,14 +79,26 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     )
 
 
-def _times(duration: float, period: float, whole: bool) -> Array:
-    """0, period, 2 period, …, and a duration not shorter than the given one."""
-    count = max(duration / period, _STEPS - 1 + _LAST_STEP)
+def _fewest_steps(phase: Phase, jerk_limited: bool) -> int:
+    """In how few steps a phase can be a spline. One cubic will do if its actuators move in proportion."""
+    if jerk_limited or isinstance(phase, Flowing):
+        return 3
+    return 1 if isinstance(phase, Steer) or (isinstance(phase, Driven) and len(phase.grid) == 2) else 2
+
+
+def _times(duration: float, period: float, whole: bool, least: int) -> Array:
+    """0, period, 2 period, …, and a duration not shorter than the given one, in so many steps at least."""
+    count = max(duration / period, least - 1 + _LAST_STEP if least > 1 else 0.0)
     if whole or count - math.floor(count) < 1e-9:
         return np.arange(math.ceil(count - 1e-9) + 1.0) * period
-    if count - math.floor(count) < _LAST_STEP:
+    if count > 1 and count - math.floor(count) < _LAST_STEP:
         count = math.floor(count) + _LAST_STEP
     return sample_times(count * period, period)
+
+
+def _is_bent(phase: Phase) -> bool:
+    given = _given(phase)
+    return isinstance(given, Flowing) and given.curves
 
 
 def _given(phase: Phase) -> Phase:
@@ -92,8 +107,8 @@ def _given(phase: Phase) -> Phase:
     return phase
 
 
-def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool) -> Phase:
-    """The phase, spread over the times (n + 1,) of the samples."""
+def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool, lag: float) -> Phase:
+    """The phase, spread over the times (n + 1,) of the samples. lag: see _flowing."""
     match _given(phase):
         case Steer() as given:
             return replace(given, profile=_followed(phase, time, quadratic=False))
@@ -101,7 +116,7 @@ def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool) -> Phas
             rolls = drive.actuators(given.piece.body_path(np.array([0.0, 1.0])), given.steering).wheel.any()
             return replace(given, profile=_followed(phase, time, jerk_limited and bool(rolls)))
         case Flowing() as given:
-            return _flowing(phase, given, time, drive, jerk_limited)
+            return _flowing(phase, given, time, drive, jerk_limited, lag)
     raise TypeError(f"{type(phase).__name__} has no velocities to put on a grid")
 
 
@@ -131,6 +146,8 @@ def _polynomials(step: Array, controls: Array, quadratic: bool) -> Array:
 
 def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
     """s(t) from 0 to 1, at rest at both ends, its velocity a spline of such means."""
+    if len(time) == 2:
+        return Profile(time, np.zeros(1), np.zeros(1), 6 / time[1:] ** 2, -12 / time[1:] ** 3)
     controls = np.concatenate([[0.0], means, [0.0]])
     if quadratic:
         controls[1:-1] -= np.linspace(controls[1], controls[-2], len(means))
@@ -165,9 +182,10 @@ def _position(phase: Phase, time: Array) -> Array:
 class _Coordinates:
     """What the coordinates of a Flowing phase are.
 
-    bent: whether column 1 is a curvature; its changes steer. quadratic (c,): columns whose splines have
-    degree two. calm (c,): those whose slope is zero at both ends. straight: whether the direction of the
-    velocity must be constant over the first and the last interval, as wheels are steered to follow it.
+    bent: whether column 1 is a curvature; its slope, a steering rate, is zero at both ends. velocity (c,):
+    the other columns. quadratic: whether the splines have degree two: all of them, since limits couple their
+    slopes. calm: whether accelerations are zero at both ends. straight: whether the direction of the velocity
+    is constant over the first and the last interval, as wheels are steered to follow it.
     """
 
     def __init__(self, phase: Flowing, drive: Drive, jerk_limited: bool) -> None:
@@ -176,23 +194,30 @@ class _Coordinates:
         steered = bool(law.steered.any()) and law.trail == 0.0
         self.bent = phase.curves
         bends = np.arange(size) == (1 if phase.curves else -1)
-        self.quadratic = bends | jerk_limited | (steered and not phase.curves)
-        self.calm = bends | jerk_limited
+        self.quadratic = jerk_limited or phase.curves or steered
+        self.calm = jerk_limited
         self.straight = steered and not phase.curves and not jerk_limited
         self.velocity = ~bends
 
 
-def _flowing(phase: Phase, given: Flowing, time: Array, drive: Drive, jerk_limited: bool) -> Flowing:
-    """A motion whose coordinates are splines on the grid; it ends where the given one does."""
+def _flowing(
+    phase: Phase, given: Flowing, time: Array, drive: Drive, jerk_limited: bool, lag: float
+) -> Flowing:
+    """A motion whose coordinates are splines on the grid; it ends where the given one does.
+
+    lag: by how many steps a car's steering, which begins at rest, lags behind. It catches up until the end.
+    """
     kind = _Coordinates(given, drive, jerk_limited)
     slow = phase.duration / time[-1]
     ends = _values(phase, np.array([0.0, phase.duration]), kind)
     ends[:, kind.velocity] = 0.0
-    controls = []
-    for j, quadratic in enumerate(kind.quadratic):
-        begin, end = _cells(time, quadratic)
-        means = _means(phase, begin * slow, end * slow, kind)[:, j] * (slow if kind.velocity[j] else 1.0)
-        controls.append(np.concatenate([ends[:1, j], means, ends[1:, j]]))
+    begin, end = _cells(time, kind.quadratic)
+    means = _means(phase, begin * slow, end * slow, kind)
+    means[:, kind.velocity] *= slow
+    if kind.bent and lag > 0.0:
+        begin, end = (np.maximum(t - lag * time[1] * (1 - t / time[-1]), 0.0) * slow for t in (begin, end))
+        means[1:, 1] = _means(phase, begin[1:], end[1:], kind)[:, 1]
+    controls = list(np.concatenate([ends[:1], means, ends[1:]]).T)
     goal = given.poses(given.time)[-1]
     for left in reversed(range(_CORRECTIONS + 1)):
         made = _assembled(given, time, controls, kind)
@@ -226,24 +251,22 @@ def _means(phase: Phase, begin: Array, end: Array, kind: _Coordinates) -> Array:
         means: Array = (whole(end) - whole(begin)) / (end - begin)[:, None]
         return means
     first, middle, last = (_values(phase, time, kind) for time in (begin, (begin + end) / 2, end))
-    simpson: Array = (first + 4 * middle + last) / 6
+    simpson: Array = (first + 4.0 * middle + last) / 6.0
     return simpson
 
 
 def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordinates) -> Flowing:
     """The motion of splines with these control points, the ends brought to what they must be."""
     step = np.diff(time)
-    for column, calm, velocity in zip(controls, kind.calm, kind.velocity, strict=True):
-        if calm:
-            most, shares = np.abs(column).max(), np.linspace(0.0, 1.0, len(column) - 2)
-            first, last = column[1] - column[0], column[-2] - column[-1] if velocity else 0.0
-            column[1:-1] = np.clip(column[1:-1] - first - (last - first) * shares, -most, most)
-            if not velocity:
-                column[-1] = column[-2]
+    for column, velocity in zip(controls, kind.velocity, strict=True):
+        if not velocity:
+            column[1], column[-1] = column[0], column[-2]
+        elif kind.calm:
+            column[1:-1] -= np.linspace(column[1], column[-2], len(column) - 2)
         elif kind.straight:
             column[1] = column[2] * (step[0] / (step[1] + 2 * step[0]))
             column[-2] = column[-3] * (step[-1] / (step[-2] + 2 * step[-1]))
-    columns = [_polynomials(step, *each) for each in zip(controls, kind.quadratic, strict=True)]
+    columns = [_polynomials(step, column, kind.quadratic) for column in controls]
     return replace(given, time=time, coefficients=np.stack(columns, 2), steering_limit=math.inf)
 
 
@@ -256,28 +279,30 @@ def _correct(controls: list[Array], motion: Flowing, pose: Array, miss: Array, k
     step, twist = np.diff(motion.time), motion.twists(motion.time)
     fastest = max(float(np.hypot(*twist[:, :2].T).max()), 1e-9)
     turning = max(float(np.abs(twist[:, 2]).max()), _TURN * fastest)
-    pace = np.abs(twist / [fastest, fastest, turning]).max(1) ** 2
-    effects = _effects(pose, twist, kind)
-    parts: list[tuple[Array, Array, Array]] = []
-    for j, quadratic in enumerate(kind.quadratic):
-        pace_there, *effect = (_at_controls(each, quadratic) for each in (pace, *effects[j].T))
-        unit = turning if j == len(controls) - 1 else fastest
-        weight = pace_there * unit**2
-        if not kind.velocity[j]:
-            most = max(float(np.abs(controls[j]).max()), 1e-3)
-            weight = pace_there * (most**2 - controls[j] ** 2)
-        weight[[0, -1]] = 0.0
-        parts.append((weight, np.stack(effect, 1), _shares(step, quadratic)))
+    ahead = (twist[:, 0] ** 2 + twist[:, 1] ** 2) / fastest**2
+    pace = np.maximum(ahead, (twist[:, 2] / turning) ** 2)
+    share = _shares(step, kind.quadratic)
+    parts: list[tuple[Array, Array]] = []
     normal = np.zeros((3, 3))
-    for weight, effect, share in parts:
+    for j, effect_at_samples in enumerate(_effects(pose, twist, kind)):
+        turns = j == len(controls) - 1
+        weight = _at_controls(pace if turns else ahead, kind.quadratic)
+        effect = _at_controls(effect_at_samples, kind.quadratic)
+        if kind.velocity[j]:
+            weight *= (turning if turns else fastest) ** 2
+        else:
+            most = max(float(np.abs(controls[j]).max()), 1e-3)
+            weight *= most**2 - controls[j] ** 2
+        weight[[0, -1]] = 0.0
+        parts.append((weight, effect))
         normal += effect.T @ ((weight * share)[:, None] * effect)
     force = np.linalg.lstsq(normal, miss, rcond=1e-9)[0]
-    for j, (weight, effect, _) in enumerate(parts):
+    for j, (weight, effect) in enumerate(parts):
         controls[j] += weight * (effect @ force)
 
 
 def _at_controls(values: Array, quadratic: bool) -> Array:
-    """Values (n + 1,) at samples, at the control points of a spline."""
+    """Values (n + 1, …) at samples, at the control points of a spline."""
     if not quadratic:
         return values.copy()
     return np.concatenate([values[:1], (values[:-1] + values[1:]) / 2, values[-1:]])
@@ -287,7 +312,8 @@ def _shares(step: Array, quadratic: bool) -> Array:
     """How long (s) each control point counts."""
     if quadratic:
         return np.concatenate([[0.0], step, [0.0]])
-    return (np.append(step, 0.0) + np.append(0.0, step)) / 2
+    shares: Array = (np.append(step, 0.0) + np.append(0.0, step)) / 2
+    return shares
 
 
 def _effects(pose: Array, twist: Array, kind: _Coordinates) -> list[Array]:
