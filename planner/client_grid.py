@@ -13,28 +13,39 @@ by slows the phase down.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from drives.drive import Drive, Limits
 from drives.se2 import Array
 from planner.errors import LimitsInfeasible
 from planner.schedule import sample_times
 from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Steer, Warped
-from planner.usage import slow_factor
+from planner.usage import rolled, slow_factors
 
 __all__ = ["on_grid", "phase_on_grid"]
 
-_TRIES, _SLOWEST = 12, 4.0
-"""How often a phase is slowed down, and by how much in all at most."""
+_TRIES = 16
+"""How often a phase is slowed down at most."""
 _EXACT, _SPARE = 2e-4, 1e-4
 """Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
+_LOCAL, _MUCH = 0.5, 0.01
+"""If a limit is exceeded by more than the second share over less than the first share of the time, the motion
+is slowed down there only."""
 _CORRECTIONS, _MISS = 5, 1e-8
 """How often the end is corrected, and the miss (m, rad) that needs no correction."""
 _LAST_STEP = 0.05
 """Shortest last step in sample periods. Differences over a shorter one are rounding."""
+_ROLLS, _CLOSE = 2, 5e-6
+"""How often the end is aimed at anew by what rolling the samples misses, and the miss (m, rad) that is close
+enough."""
+_LEAST_SPREAD = 1.05
+"""By how much a motion is slowed down where wheels slip, at least."""
+_AROUND = 3
+"""Samples before and after those between which wheels slip, where the motion is slowed down, too."""
 _TURN = 0.1
 """Angular speed (rad/s) for each m/s of speed that a correction may change at least."""
 
@@ -56,27 +67,77 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
 
     whole: it takes whole sample periods (s). Raises LimitsInfeasible.
     """
-    smooth = bool(np.isfinite(limits.wheel_jerk).any())
-    duration = phase.duration
-    most, least = _SLOWEST * duration + 8 * period, _fewest_steps(_given(phase), smooth)
+    given, jerk_limited = _given(phase), bool(np.isfinite(limits.wheel_jerk).any())
+    least = _fewest_steps(given, jerk_limited)
+    pace = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration]))
     lags: tuple[float, ...] = (0.0,)
-    for _ in range(_TRIES):
-        time = _times(duration, period, whole or smooth, least)
-        made = [_spline(phase, time, drive, smooth, lag) for lag in lags]
-        factors = [slow_factor(each, time, drive, limits) for each in made]
-        factor = min(factors)
-        if factor <= 1 + _EXACT:
-            return made[factors.index(factor)]
-        if len(lags) == 1 and _is_bent(phase):
-            lags, duration = (0.0, 0.5), duration + _SPARE * phase.duration
-            continue
-        duration = float(time[-1]) * min(factor, 1.5) + _SPARE * phase.duration
-        if not duration < most:
-            break
+    goal = given.poses(given.time)[-1] if isinstance(given, Flowing) else np.zeros(3)
+    aim = goal.copy()
+    factor, rolls = math.inf, _ROLLS
+    for tries in reversed(range(_TRIES)):
+        time = _times(pace.duration, period, whole or jerk_limited, least)
+        pace = pace.slowed(time[-1] / pace.duration)
+        spread = _Spread(phase, time, pace, drive, jerk_limited, aim)
+        made = [spread.over(lag) for lag in lags]
+        sampled = [Phases(drive, (each,)).sample(time) for each in made]
+        factors = [slow_factors(each, limits) for each in sampled]
+        best = min(range(len(lags)), key=lambda i: float(factors[i].max()))
+        factor = float(factors[best].max())
+        if factor > 1 + _EXACT:
+            here = factors[best] > 1 + _EXACT
+            if len(lags) == 1 and isinstance(given, Flowing) and given.curves:
+                lags = (0.0, 0.5)
+            elif here.mean() < _LOCAL and factor > 1 + _MUCH and tries > _TRIES // 2:
+                pace = pace.spread(time, np.where(here, np.minimum(factors[best], 1.5) + _SPARE, 1.0))
+            else:
+                pace = pace.slowed(min(factor, 1.5) + _SPARE)
+        elif (np.ptp(sampled[best].steering_angle, 0) == 0.0).all():
+            return made[best]
+        else:
+            slips, poses = rolled(sampled[best], drive)
+            miss = goal - poses[-1] if isinstance(given, Flowing) else np.zeros(3)
+            if slips.max() > 1.0:
+                pace = pace.spread(
+                    time, np.where(slips > 1.0, np.maximum(np.cbrt(slips), _LEAST_SPREAD), 1.0)
+                )
+            elif np.abs(miss).max() < _CLOSE or rolls == 0:
+                return made[best]
+            else:
+                aim, rolls = aim + miss, rolls - 1
     raise LimitsInfeasible(
         f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
         f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pace:
+    """When a motion is where: at times `when` (k,) where the given phase is at times `then` (k,), in
+    proportion between them."""
+
+    then: Array
+    when: Array
+
+    @property
+    def duration(self) -> float:
+        return float(self.when[-1])
+
+    def __call__(self, time: Array) -> Array:
+        """Times of the given phase (n,) for times of the motion."""
+        times: Array = np.interp(time, self.when, self.then)
+        return times
+
+    def slowed(self, by: float) -> _Pace:
+        """The same, slower throughout."""
+        return _Pace(self.then, self.when * by)
+
+    def spread(self, time: Array, by: Array) -> _Pace:
+        """Slower over each interval (n,) between times (n + 1,), and a little around it."""
+        wide = maximum_filter1d(by, 2 * _AROUND + 1, mode="nearest")
+        smooth = uniform_filter1d(
+            uniform_filter1d(wide, _AROUND + 1, mode="nearest"), _AROUND + 1, mode="nearest"
+        )
+        return _Pace(self(time), np.append(0.0, np.cumsum(np.diff(time) * smooth)))
 
 
 def _fewest_steps(phase: Phase, jerk_limited: bool) -> int:
@@ -96,28 +157,68 @@ def _times(duration: float, period: float, whole: bool, least: int) -> Array:
     return sample_times(count * period, period)
 
 
-def _is_bent(phase: Phase) -> bool:
-    given = _given(phase)
-    return isinstance(given, Flowing) and given.curves
-
-
 def _given(phase: Phase) -> Phase:
     while isinstance(phase, Warped):
         phase = phase.phase
     return phase
 
 
-def _spline(phase: Phase, time: Array, drive: Drive, jerk_limited: bool, lag: float) -> Phase:
-    """The phase, spread over the times (n + 1,) of the samples. lag: see _flowing."""
-    match _given(phase):
-        case Steer() as given:
-            return replace(given, profile=_followed(phase, time, quadratic=False))
-        case Driven() as given:
-            rolls = drive.actuators(given.piece.body_path(np.array([0.0, 1.0])), given.steering).wheel.any()
-            return replace(given, profile=_followed(phase, time, jerk_limited and bool(rolls)))
-        case Flowing() as given:
-            return _flowing(phase, given, time, drive, jerk_limited, lag)
-    raise TypeError(f"{type(phase).__name__} has no velocities to put on a grid")
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spread:
+    """A phase, spread over the times (n + 1,) of samples at a pace. aim (3,): where a Flowing one ends."""
+
+    phase: Phase
+    time: Array
+    pace: _Pace
+    drive: Drive
+    jerk_limited: bool
+    aim: Array
+
+    def over(self, lag: float) -> Phase:
+        """The phase whose velocities are splines. lag: see _flowing."""
+        match _given(self.phase):
+            case Steer() as given:
+                return replace(given, profile=self._followed(quadratic=False))
+            case Driven() as given:
+                ends = given.piece.body_path(np.array([0.0, 1.0]))
+                rolls = bool(self.drive.actuators(ends, given.steering).wheel.any())
+                return replace(given, profile=self._followed(self.jerk_limited and rolls))
+            case Flowing() as given:
+                return self._flowing(given, lag)
+        raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
+
+    def _followed(self, quadratic: bool) -> Profile:
+        """The profile on the grid of a phase that has one, or of one that follows it at other times."""
+        begin, end = _cells(self.time, quadratic)
+        way = _position(self.phase, self.pace(end)) - _position(self.phase, self.pace(begin))
+        return _profile(self.time, way / (end - begin), quadratic)
+
+    def _flowing(self, given: Flowing, lag: float) -> Flowing:
+        """A motion whose coordinates are splines on the grid.
+
+        lag: by how many steps a car's steering, which begins at rest, lags behind. It catches up until the
+        end.
+        """
+        kind, time = _Coordinates(given, self.drive, self.jerk_limited), self.time
+        ends = _values(self.phase, np.array([0.0, self.phase.duration]), kind)
+        ends[:, kind.velocity] = 0.0
+        begin, end = _cells(time, kind.quadratic)
+        first, last = self.pace(begin), self.pace(end)
+        means = _means(self.phase, first, last, kind)
+        means[:, kind.velocity] *= ((last - first) / (end - begin))[:, None]
+        if kind.bent and lag > 0.0:
+            late = lag * time[1] * (1 - time / time[-1])
+            first, last = (self.pace(np.maximum(t, 0.0)) for t in (begin - late[:-1], end - late[1:]))
+            means[1:, 1] = _means(self.phase, first[1:], last[1:], kind)[:, 1]
+        controls = list(np.concatenate([ends[:1], means, ends[1:]]).T)
+        for left in reversed(range(_CORRECTIONS + 1)):
+            made = _assembled(given, time, controls, kind)
+            pose = made.poses(time)
+            miss = self.aim - pose[-1]
+            if left == 0 or np.abs(miss).max() < _MISS:
+                break
+            _correct(controls, made, pose, miss, kind)
+        return made
 
 
 # ---------------------------------------------------------------- splines
@@ -158,14 +259,6 @@ def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
     return Profile(time, way[:-1] / end, velocity / end, change / end, 2 * bow / end)
 
 
-def _followed(phase: Phase, time: Array, quadratic: bool) -> Profile:
-    """The profile on the grid of a phase that has one, or of one that follows it at other times."""
-    slow = phase.duration / time[-1]
-    begin, end = _cells(time, quadratic)
-    way = _position(phase, end * slow) - _position(phase, begin * slow)
-    return _profile(time, way / (end - begin), quadratic)
-
-
 def _position(phase: Phase, time: Array) -> Array:
     """s at times (n,) of a phase that has a profile, or of one that follows it at other times."""
     if isinstance(phase, Warped):
@@ -198,35 +291,6 @@ class _Coordinates:
         self.calm = jerk_limited
         self.straight = steered and not phase.curves and not jerk_limited
         self.velocity = ~bends
-
-
-def _flowing(
-    phase: Phase, given: Flowing, time: Array, drive: Drive, jerk_limited: bool, lag: float
-) -> Flowing:
-    """A motion whose coordinates are splines on the grid; it ends where the given one does.
-
-    lag: by how many steps a car's steering, which begins at rest, lags behind. It catches up until the end.
-    """
-    kind = _Coordinates(given, drive, jerk_limited)
-    slow = phase.duration / time[-1]
-    ends = _values(phase, np.array([0.0, phase.duration]), kind)
-    ends[:, kind.velocity] = 0.0
-    begin, end = _cells(time, kind.quadratic)
-    means = _means(phase, begin * slow, end * slow, kind)
-    means[:, kind.velocity] *= slow
-    if kind.bent and lag > 0.0:
-        begin, end = (np.maximum(t - lag * time[1] * (1 - t / time[-1]), 0.0) * slow for t in (begin, end))
-        means[1:, 1] = _means(phase, begin[1:], end[1:], kind)[:, 1]
-    controls = list(np.concatenate([ends[:1], means, ends[1:]]).T)
-    goal = given.poses(given.time)[-1]
-    for left in reversed(range(_CORRECTIONS + 1)):
-        made = _assembled(given, time, controls, kind)
-        pose = made.poses(time)
-        miss = goal - pose[-1]
-        if left == 0 or np.abs(miss).max() < _MISS:
-            break
-        _correct(controls, made, pose, miss, kind)
-    return made
 
 
 def _values(phase: Phase, time: Array, kind: _Coordinates) -> Array:

@@ -9,26 +9,73 @@ import numpy as np
 from drives.drive import Drive, Limits
 from drives.se2 import Array
 from planner.kernels import kernel
-from planner.trajectory import Phase, Phases
+from planner.schedule import WheelSchedule
 
-__all__ = ["slow_factor"]
+__all__ = ["rolled", "slow_factors"]
 
+_ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
+_NODES, _WEIGHTS = (1 + _ROOTS) / 2, _SHARES / 2
+_PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
+"""Gauss's rule over [0, 1]: nodes, weights, and weights of the integrals up to each node."""
+_SLIP, _SLOW = 3e-4, 0.05
+"""Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
 _FEW = 1e-9
 """Speed (m/s) below which the direction of travel is taken from the acceleration."""
 
 
-def slow_factor(phase: Phase, time: Array, drive: Drive, limits: Limits) -> float:
-    """By what factor a phase must be slowed to keep all limits, given its samples' times (n,)."""
-    made = Phases(drive, (phase,)).sample(time)
+def slow_factors(made: WheelSchedule, limits: Limits) -> Array:
+    """By what factor a motion must be slowed over each interval (n,) between samples to keep all limits."""
     body = np.array([limits.linear_speed, limits.angular_speed, limits.linear_acceleration,
                      limits.lateral_acceleration])  # fmt: skip
-    steering_rate = np.full(len(drive.steered_names), limits.steering_rate)
-    return max(
-        float(_rates(time, made.steering_angle, made.steering_rate, steering_rate)),
-        float(_wheels(time, made.wheel_angle, made.wheel_velocity, made.wheel_acceleration,
-                      limits.wheel_speed, limits.wheel_acceleration, limits.wheel_jerk)),
-        float(_body(time, made.twist, made.pose, body)),
-    )  # fmt: skip
+    steering_rate = np.full(made.steering_rate.shape[1], limits.steering_rate)
+    factors = np.zeros(len(made.time) - 1)
+    _rates(made.time, made.steering_angle, made.steering_rate, steering_rate, factors)
+    _rates(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_speed, factors)
+    _changes(made.time, made.wheel_angle, made.wheel_velocity, made.wheel_acceleration,
+             limits.wheel_acceleration, limits.wheel_jerk, factors)  # fmt: skip
+    _body(made.time, made.twist, made.pose, body, factors)
+    return factors
+
+
+def rolled(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
+    """The largest slip over each interval (n,) between samples, over what is allowed; and the poses (n + 1, 3)
+    at the samples that rolling the interpolated wheels leads to."""
+    step = np.diff(made.time)
+    rates = _interpolated(step, made.wheel_angle, made.wheel_velocity)[1]
+    twist, slip = drive.forward(rates, *_interpolated(step, made.steering_angle, made.steering_rate))
+    speed = max(float(np.hypot(*twist[:, :2].T).max()), _SLOW)
+    shares: Array = slip.reshape(-1, len(_NODES)).max(1) / (_SLIP * speed)
+    return shares, _poses(made.pose[0].copy(), step, np.ascontiguousarray(twist))
+
+
+def _interpolated(step: Array, angle: Array, rate: Array) -> tuple[Array, Array]:
+    """Angles and rates (3n, m) at Gauss's nodes of n intervals, on the cubics through samples."""
+    u, h = _NODES[None, :, None], step[:, None, None]
+    begin, end, rise = rate[:-1, None] * h, rate[1:, None] * h, np.diff(angle, axis=0)[:, None]
+    square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
+    value = angle[:-1, None] + u * (begin + u * (square + u * cube))
+    slope = (begin + u * (2 * square + 3 * u * cube)) / h
+    return value.reshape(-1, angle.shape[1]), slope.reshape(-1, angle.shape[1])
+
+
+@kernel
+def _poses(start: Array, step: Array, twist: Array) -> Array:
+    """Poses (n + 1, 3) at the ends of intervals, given the twists (3n, 3) at their nodes."""
+    poses = np.empty((len(step) + 1, 3))
+    poses[0] = start
+    for i in range(len(step)):
+        poses[i + 1] = poses[i]
+        omega = twist[3 * i : 3 * i + 3, 2]
+        for a in range(3):
+            turn = 0.0
+            for b in range(3):
+                turn += _PARTS[a, b] * omega[b]
+            heading, h = poses[i, 2] + step[i] * turn, step[i] * _WEIGHTS[a]
+            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[3 * i + a, 0], twist[3 * i + a, 1]
+            poses[i + 1, 0] += h * (c * vx - s * vy)
+            poses[i + 1, 1] += h * (s * vx + c * vy)
+            poses[i + 1, 2] += h * omega[a]
+    return poses
 
 
 @kernel
@@ -44,56 +91,54 @@ def _peak(begin: float, end: float, mean: float) -> float:
 
 
 @kernel
-def _rates(time: Array, angle: Array, rate: Array, limit: Array) -> float:
-    """The largest share of a limit (m,) that rates reach between samples."""
-    most = 0.0
-    for i in range(len(time) - 1):
+def _rates(time: Array, angle: Array, rate: Array, limit: Array, factors: Array) -> None:
+    """Raise factors (n,) to the largest share of a limit (m,) that rates reach between samples."""
+    for i in range(len(factors)):
         h = time[i + 1] - time[i]
         for j in range(angle.shape[1]):
             mean = (angle[i + 1, j] - angle[i, j]) / h
-            most = max(most, _peak(rate[i, j], rate[i + 1, j], mean) / limit[j])
-    return most
+            factors[i] = max(factors[i], _peak(rate[i, j], rate[i + 1, j], mean) / limit[j])
 
 
 @kernel
-def _wheels(
-    time: Array, angle: Array, rate: Array, change: Array, speed: Array, acceleration: Array, jerk: Array
-) -> float:
-    """The factor that wheels ask for, (n, m) and their limits (m,)."""
-    fastest, pushed, jerked = _rates(time, angle, rate, speed), 0.0, 0.0
-    for i in range(len(time) - 1):
+def _changes(
+    time: Array, angle: Array, rate: Array, change: Array, acceleration: Array, jerk: Array, factors: Array
+) -> None:
+    """Raise factors (n,) to what the accelerations and jerks of wheels ask for, given their limits (m,)."""
+    for i in range(len(factors)):
         h = time[i + 1] - time[i]
         for j in range(angle.shape[1]):
             mean = (angle[i + 1, j] - angle[i, j]) / h
-            first = (6.0 * mean - 4.0 * rate[i, j] - 2.0 * rate[i + 1, j]) / h
-            last = (4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
-            pushed = max(pushed, max(abs(first), abs(last)) / acceleration[j])
-            jerked = max(jerked, abs(change[i + 1, j] - change[i, j]) / (h * jerk[j]))
-    return float(max(fastest, math.sqrt(pushed), np.cbrt(jerked)))
+            first = abs(6.0 * mean - 4.0 * rate[i, j] - 2.0 * rate[i + 1, j]) / h
+            last = abs(4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
+            factors[i] = max(factors[i], math.sqrt(max(first, last) / acceleration[j]))
+            if jerk[j] < np.inf:
+                jerked = abs(change[i + 1, j] - change[i, j]) / (h * jerk[j])
+                factors[i] = max(factors[i], np.cbrt(jerked))
 
 
 @kernel
-def _body(time: Array, twist: Array, pose: Array, limits: Array) -> float:
-    """The factor that the body asks for, twists and poses (n, 3)."""
-    fastest = pushed = 0.0
-    for i in range(len(time)):
-        vx, vy, omega = twist[i]
-        speed = math.sqrt(vx * vx + vy * vy)
-        fastest = max(fastest, speed / limits[0], abs(omega) / limits[1])
-        if vy == 0.0:
-            pushed = max(pushed, abs(vx * omega) / limits[3])
-        if i == len(time) - 1 or (limits[2] == np.inf and limits[3] == np.inf):
+def _body(time: Array, twist: Array, pose: Array, limits: Array, factors: Array) -> None:
+    """Raise factors (n,) to what the body's limits ask for, twists and poses (n + 1, 3)."""
+    speed, turn, along, across = limits
+    for i in range(len(factors)):
+        for k in (i, i + 1):
+            vx, vy, omega = twist[k]
+            factors[i] = max(factors[i], math.sqrt(vx * vx + vy * vy) / speed, abs(omega) / turn)
+            if vy == 0.0:
+                factors[i] = max(factors[i], math.sqrt(abs(vx * omega) / across))
+        if along == np.inf and across == np.inf:
             continue
         # The change of velocity in the frame of this sample, along and across the mean velocity.
-        turn, h = pose[i + 1, 2] - pose[i, 2], time[i + 1] - time[i]
-        c, s = math.cos(turn), math.sin(turn)
+        gained, h = pose[i + 1, 2] - pose[i, 2], time[i + 1] - time[i]
+        c, s = math.cos(gained), math.sin(gained)
+        vx, vy = twist[i, 0], twist[i, 1]
         wx, wy = c * twist[i + 1, 0] - s * twist[i + 1, 1], s * twist[i + 1, 0] + c * twist[i + 1, 1]
         ax, ay, mx, my = (wx - vx) / h, (wy - vy) / h, (vx + wx) / 2, (vy + wy) / 2
         size = math.sqrt(mx * mx + my * my)
         if size < _FEW:
             mx, my, size = ax, ay, math.sqrt(ax * ax + ay * ay)
         if size > 0.0:
-            pushed = max(pushed, abs(ax * mx + ay * my) / (size * limits[2]))
+            factors[i] = max(factors[i], math.sqrt(abs(ax * mx + ay * my) / (size * along)))
             if vy != 0.0 or twist[i + 1, 1] != 0.0:
-                pushed = max(pushed, abs(ax * my - ay * mx) / (size * limits[3]))
-    return max(fastest, math.sqrt(pushed))
+                factors[i] = max(factors[i], math.sqrt(abs(ax * my - ay * mx) / (size * across)))
