@@ -74,7 +74,9 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     goal = given.poses(given.time)[-1] if isinstance(given, Flowing) else np.zeros(3)
     aim = goal.copy()
     factor, rolls = math.inf, _ROLLS
-    for tries in reversed(range(_TRIES)):
+    before: tuple[_Pace, float] | None = None
+    locally = True
+    for _ in range(_TRIES):
         time = _times(pace.duration, period, whole or jerk_limited, least)
         pace = pace.slowed(time[-1] / pace.duration)
         spread = _Spread(phase, time, pace, drive, jerk_limited, aim)
@@ -87,7 +89,11 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
             here = factors[best] > 1 + _EXACT
             if len(lags) == 1 and isinstance(given, Flowing) and given.curves:
                 lags = (0.0, 0.5)
-            elif here.mean() < _LOCAL and factor > 1 + _MUCH and tries > _TRIES // 2:
+            elif before is not None and factor >= before[1]:
+                # Slower here and there, it is accelerated more in between.
+                pace, before, locally = before[0].slowed(before[1] + _SPARE), None, False
+            elif locally and here.mean() < _LOCAL and factor > 1 + _MUCH:
+                before = pace, min(factor, 1.5)
                 pace = pace.spread(time, np.where(here, np.minimum(factors[best], 1.5) + _SPARE, 1.0))
             else:
                 pace = pace.slowed(min(factor, 1.5) + _SPARE)
@@ -97,9 +103,8 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
             slips, poses = rolled(sampled[best], drive)
             miss = goal - poses[-1] if isinstance(given, Flowing) else np.zeros(3)
             if slips.max() > 1.0:
-                pace = pace.spread(
-                    time, np.where(slips > 1.0, np.maximum(np.cbrt(slips), _LEAST_SPREAD), 1.0)
-                )
+                slower = np.maximum(np.cbrt(slips), _LEAST_SPREAD)
+                pace, before, locally = pace.spread(time, np.where(slips > 1.0, slower, 1.0)), None, False
             elif np.abs(miss).max() < _CLOSE or rolls == 0:
                 return made[best]
             else:

@@ -39,7 +39,7 @@ from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
 
-_SPARE = (0.005, 0.015, 0.04)
+_SPARE = (0.005, 0.015, 0.025, 0.04)
 """Room (m) asked for at knots, which say nothing of the motion between them; more where it hit something."""
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""

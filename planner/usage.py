@@ -38,8 +38,8 @@ def slow_factors(made: WheelSchedule, limits: Limits) -> Array:
 
 
 def rolled(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
-    """The largest slip over each interval (n,) between samples, over what is allowed; and the poses (n + 1, 3)
-    at the samples that rolling the interpolated wheels leads to."""
+    """The largest slip over each interval (n,) between samples, as a share of what is allowed; and the poses
+    (n + 1, 3) at the samples that rolling the interpolated wheels leads to."""
     step = np.diff(made.time)
     rates = _interpolated(step, made.wheel_angle, made.wheel_velocity)[1]
     twist, slip = drive.forward(rates, *_interpolated(step, made.steering_angle, made.steering_rate))
