@@ -39,7 +39,7 @@ TURNING = 5e-3, 1e-3
 CLEARANCE = 2e-4
 """Part of min_clearance that may be missing, m."""
 
-CLEARANCE_ACCURACY, CLEARANCE_SHARE = 1e-4, 0.01
+CLEARANCE_ACCURACY, CLEARANCE_SHARE = 1e-4, 3e-3
 """Distance between the certified clearance, a lower bound, and the true one, at most: m, or this share of the
 distance from min_clearance if that is more."""
 
