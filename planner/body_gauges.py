@@ -25,7 +25,7 @@ _ROUNDING = 2e-10
 _SPAN = np.linspace(0.0, 1.0, 2001)
 _CUBICS = [np.abs(np.prod(_SPAN[:, None] - INSTANTS[a : a + 3], axis=1)) for a in range(3)]
 _REMAINDER = np.array(
-    [c[(INSTANTS[a] <= _SPAN) & (_SPAN <= INSTANTS[a + 2])].max() for a, c in enumerate(_CUBICS)]
+    [c[(INSTANTS[a] <= _SPAN) & (INSTANTS[a + 2] >= _SPAN)].max() for a, c in enumerate(_CUBICS)]
 )
 """Of each three neighbouring instants: the largest |(u - u0)(u - u1)(u - u2)| between the first and the last."""
 _THIRD = 1 / np.array([np.prod([u - v for v in INSTANTS[:4] if v != u]) for u in INSTANTS[:4]])

@@ -20,7 +20,7 @@ from planner.problem import Footprint
 from planner.rolling import POWERS
 from planner.tolerances import CLEARANCE_ACCURACY, CLEARANCE_SHARE, SATURATED
 
-__all__ = ["Surroundings", "ways", "least_clearance"]
+__all__ = ["Surroundings", "least_clearance", "ways"]
 
 _COARSE = 0.64
 """Motion of the footprint between the first looks, m."""

@@ -102,8 +102,9 @@ def _certified(
     made = schedule(timed, period)
     if made.steering_angle.shape[1] > 0:  # As wheels interpolate, the body moves.
         _, pose = rolled(made, problem.robot.drive)
-        pose.flags.writeable = False
-        made = replace(made, pose=pose)
+        twist, _ = problem.robot.drive.forward(made.wheel_velocity, made.steering_angle, made.steering_rate)
+        pose.flags.writeable = twist.flags.writeable = False
+        made = replace(made, pose=pose, twist=twist)
     watch.lap("schedule")
     try:
         certificate = verify(problem, made, world)

@@ -17,7 +17,7 @@ _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
 """Gauss's rule over [0, 1]: nodes, weights, and weights of the integrals up to each node."""
-_SLIP, _SLOW = 3e-4, 0.05
+_SLIP, _SLOW = 5e-4, 0.05
 """Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
 _FEW = 1e-9
 """Speed (m/s) below which the direction of travel is taken from the acceleration."""
@@ -31,8 +31,8 @@ def slow_factors(made: WheelSchedule, limits: Limits) -> Array:
     factors = np.zeros(len(made.time) - 1)
     _rates(made.time, made.steering_angle, made.steering_rate, steering_rate, factors)
     _rates(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_speed, factors)
-    _changes(made.time, made.wheel_angle, made.wheel_velocity, made.wheel_acceleration,
-             limits.wheel_acceleration, limits.wheel_jerk, factors)  # fmt: skip
+    _changes(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_acceleration, limits.wheel_jerk,
+             factors)  # fmt: skip
     _body(made.time, made.twist, made.pose, body, factors)
     return factors
 
@@ -102,19 +102,21 @@ def _rates(time: Array, angle: Array, rate: Array, limit: Array, factors: Array)
 
 @kernel
 def _changes(
-    time: Array, angle: Array, rate: Array, change: Array, acceleration: Array, jerk: Array, factors: Array
+    time: Array, angle: Array, rate: Array, acceleration: Array, jerk: Array, factors: Array
 ) -> None:
     """Raise factors (n,) to what the accelerations and jerks of wheels ask for, given their limits (m,)."""
-    for i in range(len(factors)):
-        h = time[i + 1] - time[i]
-        for j in range(angle.shape[1]):
+    for j in range(angle.shape[1]):
+        before = 0.0
+        for i in range(len(factors)):
+            h = time[i + 1] - time[i]
             mean = (angle[i + 1, j] - angle[i, j]) / h
-            first = abs(6.0 * mean - 4.0 * rate[i, j] - 2.0 * rate[i + 1, j]) / h
-            last = abs(4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
-            factors[i] = max(factors[i], math.sqrt(max(first, last) / acceleration[j]))
+            first = (6.0 * mean - 4.0 * rate[i, j] - 2.0 * rate[i + 1, j]) / h
+            last = (4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
+            factors[i] = max(factors[i], math.sqrt(max(abs(first), abs(last)) / acceleration[j]))
             if jerk[j] < np.inf:
-                jerked = abs(change[i + 1, j] - change[i, j]) / (h * jerk[j])
+                jerked = max(abs(last - first), abs(last - before)) / (h * jerk[j])
                 factors[i] = max(factors[i], np.cbrt(jerked))
+            before = last
 
 
 @kernel

@@ -59,7 +59,10 @@ def test_steering_spoiled_is_named(kind: str) -> None:
             column("steering_rate", (-1, 0), 0.01)(case),
             rf"^the steering rate at an end of the motion of {first}",
         ),
-        (case.schedules(steering_angle=bent), rf"^the steering rate of {first} is [\d.]+ rad/s at t = 1\.[34]"),
+        (
+            case.schedules(steering_angle=bent),
+            rf"^the steering rate of {first} is [\d.]+ rad/s at t = 1\.[34]",
+        ),
     ):
         found = spoiled.sentences()
         assert any(re.search(sentence, s) for s in found), (sentence, found)
