@@ -44,7 +44,7 @@ _ROLLS, _CLOSE = 2, 5e-6
 enough."""
 _LEAST_SPREAD = 1.05
 """By how much a motion is slowed down where wheels slip, at least."""
-_AROUND = 3
+_AROUND = 2
 """Samples before and after those between which wheels slip, where the motion is slowed down, too."""
 _TURN = 0.1
 """Angular speed (rad/s) for each m/s of speed that a correction may change at least."""
