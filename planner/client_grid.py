@@ -32,7 +32,7 @@ _TRIES = 16
 """How often a phase is slowed down at most."""
 _EXACT, _SPARE = 2e-4, 1e-4
 """Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
-_LOCAL, _MUCH = 0.5, 0.01
+_LOCAL, _MUCH = 0.5, 0.001
 """If a limit is exceeded by more than the second share over less than the first share of the time, the motion
 is slowed down there only."""
 _CORRECTIONS, _MISS = 5, 1e-8

@@ -43,6 +43,8 @@ _SPARE = (0.005, 0.015, 0.025, 0.04)
 """Room (m) asked for at knots, which say nothing of the motion between them; more where it hit something."""
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
+_ON_GRID = 1.05
+"""By what factor a motion may become longer when it is put on the client's grid."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
 _STEP = 0.01
@@ -83,21 +85,22 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
+        most = _ON_GRID * _duration(motion)
         if is_far(driven(motion), self.problem.robot, self.world):
             guess = self._guess(motion, knot_count(motion, drive, limits, math.inf))
             n = len(guess.time) - 1
             found = self._solve(guess, self._begin(guess), np.zeros((2 * n, 0, 5)), np.full(n, 0.5))
             made = None if found is None else self._made(found)
             if made is not None:
-                return made if made.duration < _duration(motion) else None
+                return made if made.duration < most else None
         knots = knot_count(motion, drive, limits)
         best = motion
         for _ in range(rounds):
             near = self._near(best, knots)
-            if near is None or near.duration >= _duration(best):
+            if near is None or near.duration >= most:
                 break
             done = near.duration > _GAIN * _duration(best)
-            best = near
+            best, most = near, near.duration
             if done or self.is_over(self.longest):
                 break
         return best if isinstance(best, Phases) and best is not motion else None
