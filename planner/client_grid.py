@@ -33,8 +33,8 @@ _TRIES = 16
 _EXACT, _SPARE = 2e-4, 1e-4
 """Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
 _LOCAL, _MUCH = 0.5, 0.001
-"""If a limit is exceeded by more than the second share over less than the first share of the time, the motion
-is slowed down there only."""
+"""If limits are exceeded by more than the second share at worst, and by less than the first share of that on
+average, the motion is slowed down only there."""
 _CORRECTIONS, _MISS = 5, 1e-8
 """How often the end is corrected, and the miss (m, rad) that needs no correction."""
 _LAST_STEP = 0.05
@@ -70,7 +70,6 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     given, jerk_limited = _given(phase), bool(np.isfinite(limits.wheel_jerk).any())
     least = _fewest_steps(given, jerk_limited)
     pace = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration]))
-    lags: tuple[float, ...] = (0.0,)
     goal = given.poses(given.time)[-1] if isinstance(given, Flowing) else np.zeros(3)
     aim = goal.copy()
     factor, rolls = math.inf, _ROLLS
@@ -80,33 +79,30 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
         time = _times(pace.duration, period, whole or jerk_limited, least)
         pace = pace.slowed(time[-1] / pace.duration)
         spread = _Spread(phase, time, pace, drive, jerk_limited, aim)
-        made = [spread.over(lag) for lag in lags]
-        sampled = [Phases(drive, (each,)).sample(time) for each in made]
-        factors = [slow_factors(each, limits) for each in sampled]
-        best = min(range(len(lags)), key=lambda i: float(factors[i].max()))
-        factor = float(factors[best].max())
+        made = spread.over()
+        sampled = Phases(drive, (made,)).sample(time)
+        factors = slow_factors(sampled, limits)
+        factor = float(factors.max())
         if factor > 1 + _EXACT:
-            here = factors[best] > 1 + _EXACT
-            if len(lags) == 1 and isinstance(given, Flowing) and given.curves:
-                lags = (0.0, 0.5)
-            elif before is not None and factor >= before[1]:
+            excess = np.maximum(factors - 1, 0.0)
+            if before is not None and factor >= before[1]:
                 # Slower here and there, it is accelerated more in between.
                 pace, before, locally = before[0].slowed(before[1] + _SPARE), None, False
-            elif locally and here.mean() < _LOCAL and factor > 1 + _MUCH:
+            elif locally and excess.mean() < _LOCAL * (factor - 1) and factor > 1 + _MUCH:
                 before = pace, min(factor, 1.5)
-                pace = pace.spread(time, np.where(here, np.minimum(factors[best], 1.5) + _SPARE, 1.0))
+                pace = pace.spread(time, 1 + np.minimum(excess, 0.5) + _SPARE * (excess > 0))
             else:
                 pace = pace.slowed(min(factor, 1.5) + _SPARE)
-        elif (np.ptp(sampled[best].steering_angle, 0) == 0.0).all():
-            return made[best]
+        elif (np.ptp(sampled.steering_angle, 0) == 0.0).all():
+            return made
         else:
-            slips, poses = rolled(sampled[best], drive)
+            slips, poses = rolled(sampled, drive)
             miss = goal - poses[-1] if isinstance(given, Flowing) else np.zeros(3)
             if slips.max() > 1.0:
                 slower = np.maximum(np.cbrt(slips), _LEAST_SPREAD)
                 pace, before, locally = pace.spread(time, np.where(slips > 1.0, slower, 1.0)), None, False
             elif np.abs(miss).max() < _CLOSE or rolls == 0:
-                return made[best]
+                return made
             else:
                 aim, rolls = aim + miss, rolls - 1
     raise LimitsInfeasible(
@@ -179,8 +175,8 @@ class _Spread:
     jerk_limited: bool
     aim: Array
 
-    def over(self, lag: float) -> Phase:
-        """The phase whose velocities are splines. lag: see _flowing."""
+    def over(self) -> Phase:
+        """The phase whose velocities are splines."""
         match _given(self.phase):
             case Steer() as given:
                 return replace(given, profile=self._followed(quadratic=False))
@@ -189,7 +185,7 @@ class _Spread:
                 rolls = bool(self.drive.actuators(ends, given.steering).wheel.any())
                 return replace(given, profile=self._followed(self.jerk_limited and rolls))
             case Flowing() as given:
-                return self._flowing(given, lag)
+                return self._flowing(given)
         raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
 
     def _followed(self, quadratic: bool) -> Profile:
@@ -198,12 +194,8 @@ class _Spread:
         way = _position(self.phase, self.pace(end)) - _position(self.phase, self.pace(begin))
         return _profile(self.time, way / (end - begin), quadratic)
 
-    def _flowing(self, given: Flowing, lag: float) -> Flowing:
-        """A motion whose coordinates are splines on the grid.
-
-        lag: by how many steps a car's steering, which begins at rest, lags behind. It catches up until the
-        end.
-        """
+    def _flowing(self, given: Flowing) -> Flowing:
+        """A motion whose coordinates are splines on the grid."""
         kind, time = _Coordinates(given, self.drive, self.jerk_limited), self.time
         ends = _values(self.phase, np.array([0.0, self.phase.duration]), kind)
         ends[:, kind.velocity] = 0.0
@@ -211,10 +203,6 @@ class _Spread:
         first, last = self.pace(begin), self.pace(end)
         means = _means(self.phase, first, last, kind)
         means[:, kind.velocity] *= ((last - first) / (end - begin))[:, None]
-        if kind.bent and lag > 0.0:
-            late = lag * time[1] * (1 - time / time[-1])
-            first, last = (self.pace(np.maximum(t, 0.0)) for t in (begin - late[:-1], end - late[1:]))
-            means[1:, 1] = _means(self.phase, first[1:], last[1:], kind)[:, 1]
         controls = list(np.concatenate([ends[:1], means, ends[1:]]).T)
         for left in reversed(range(_CORRECTIONS + 1)):
             made = _assembled(given, time, controls, kind)
