@@ -42,7 +42,9 @@ _LAST_STEP = 0.05
 _ROLLS, _CLOSE = 2, 5e-6
 """How often the end is aimed at anew by what rolling the samples misses, and the miss (m, rad) that is close
 enough."""
-_LEAST_SPREAD = 1.05
+_STRAY = 1e-4
+"""Distance (m, rad) between the end of a path and the end of a motion along it at most."""
+_LEAST_SPREAD = 1.02
 """By how much a motion is slowed down where wheels slip, at least."""
 _AROUND = 2
 """Samples before and after those between which wheels slip, where the motion is slowed down, too."""
@@ -67,6 +69,8 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
 
     whole: it takes whole sample periods (s). Raises LimitsInfeasible.
     """
+    if isinstance(phase, Steer):
+        return _steered(phase, limits.steering_rate, period, whole)
     given, jerk_limited = _given(phase), bool(np.isfinite(limits.wheel_jerk).any())
     least = _fewest_steps(given, jerk_limited)
     pace = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration]))
@@ -98,9 +102,12 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
         else:
             slips, poses = rolled(sampled, drive)
             miss = goal - poses[-1] if isinstance(given, Flowing) else np.zeros(3)
+            if isinstance(given, Driven):
+                # It cannot be led back to its path, so it must not stray.
+                slips *= max(1.0, float(np.abs(poses[-1] - sampled.pose[-1]).max()) / _STRAY)
             if slips.max() > 1.0:
                 slower = np.maximum(np.cbrt(slips), _LEAST_SPREAD)
-                pace, before, locally = pace.spread(time, np.where(slips > 1.0, slower, 1.0)), None, False
+                pace, before, locally = pace.spread(time, np.where(slips > 1.0, slower, 1.0)), None, True
             elif np.abs(miss).max() < _CLOSE or rolls == 0:
                 return made
             else:
@@ -109,6 +116,16 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
         f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
         f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
     )
+
+
+def _steered(phase: Steer, rate: float, period: float, whole: bool) -> Steer:
+    """Steering at rest: one cubic, or a rate that is constant but for the first and the last step."""
+    change = float(np.abs(phase.after - phase.before).max())
+    cubic = 1.5 * change / rate  # its largest rate is 1.5 times the mean
+    duration = max(cubic if cubic <= period else change / rate + period, phase.duration)
+    time = _times(duration, period, whole, 1)
+    inner = time[1:-1]
+    return replace(phase, profile=_profile(time, np.ones(len(inner)), quadratic=False))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +162,7 @@ def _fewest_steps(phase: Phase, jerk_limited: bool) -> int:
     """In how few steps a phase can be a spline. One cubic will do if its actuators move in proportion."""
     if jerk_limited or isinstance(phase, Flowing):
         return 3
-    return 1 if isinstance(phase, Steer) or (isinstance(phase, Driven) and len(phase.grid) == 2) else 2
+    return 1 if isinstance(phase, Driven) and len(phase.grid) == 2 else 2
 
 
 def _times(duration: float, period: float, whole: bool, least: int) -> Array:
@@ -178,8 +195,6 @@ class _Spread:
     def over(self) -> Phase:
         """The phase whose velocities are splines."""
         match _given(self.phase):
-            case Steer() as given:
-                return replace(given, profile=self._followed(quadratic=False))
             case Driven() as given:
                 ends = given.piece.body_path(np.array([0.0, 1.0]))
                 rolls = bool(self.drive.actuators(ends, given.steering).wheel.any())
@@ -257,7 +272,7 @@ def _position(phase: Phase, time: Array) -> Array:
     if isinstance(phase, Warped):
         then, _, _ = phase.profile.at(time)
         return _position(phase.phase, np.clip(then, 0.0, phase.phase.duration))
-    assert isinstance(phase, Driven | Steer)
+    assert isinstance(phase, Driven)
     position, _, _ = phase.profile.at(time)
     return position
 

@@ -17,7 +17,7 @@ _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
 """Gauss's rule over [0, 1]: nodes, weights, and weights of the integrals up to each node."""
-_SLIP, _SLOW = 5e-4, 0.05
+_SLIP, _SLOW = 7e-4, 0.05
 """Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
 _FEW = 1e-9
 """Speed (m/s) below which the direction of travel is taken from the acceleration."""
