@@ -19,9 +19,10 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from drives.drive import Drive, Limits
+from drives.drive import ActuatorPath, Drive, Limits
 from drives.se2 import Array
 from planner.errors import LimitsInfeasible
+from planner.rows import limit_rows
 from planner.schedule import sample_times
 from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Steer, Warped
 from planner.usage import rolled, slow_factors
@@ -71,8 +72,10 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     """
     if isinstance(phase, Steer):
         return _steered(phase, limits.steering_rate, period, whole)
+    if isinstance(phase, Driven) and phase.law is not None and len(phase.grid) == 2:
+        return _evenly_driven(phase, phase.law, limits, period, whole)
     given, jerk_limited = _given(phase), bool(np.isfinite(limits.wheel_jerk).any())
-    least = _fewest_steps(given, jerk_limited)
+    least = 3 if jerk_limited or isinstance(given, Flowing) else 2
     pace = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration]))
     goal = given.poses(given.time)[-1] if isinstance(given, Flowing) else np.zeros(3)
     aim = goal.copy()
@@ -112,10 +115,7 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
                 return made
             else:
                 aim, rolls = aim + miss, rolls - 1
-    raise LimitsInfeasible(
-        f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
-        f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
-    )
+    raise _too_coarse(phase, period, factor)
 
 
 def _steered(phase: Steer, rate: float, period: float, whole: bool) -> Steer:
@@ -158,11 +158,33 @@ class _Pace:
         return _Pace(self(time), np.append(0.0, np.cumsum(np.diff(time) * smooth)))
 
 
-def _fewest_steps(phase: Phase, jerk_limited: bool) -> int:
-    """In how few steps a phase can be a spline. One cubic will do if its actuators move in proportion."""
-    if jerk_limited or isinstance(phase, Flowing):
-        return 3
-    return 1 if isinstance(phase, Driven) and len(phase.grid) == 2 else 2
+def _evenly_driven(phase: Driven, law: ActuatorPath, limits: Limits, period: float, whole: bool) -> Driven:
+    """A path along which every actuator turns in proportion to s: its limits do not depend on s."""
+    push, _, x_max = limit_rows(phase.piece.body_path(phase.grid), law, limits)
+    jerk = float((np.abs(law.wheel[0]) / limits.wheel_jerk).max())
+    pace, duration = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration])), phase.duration
+    for _ in range(_TRIES):
+        time = _times(duration, period, whole or jerk > 0.0, 3 if jerk > 0.0 else 1)
+        profile = _followed(phase, time, pace.slowed(time[-1] / phase.duration), jerk > 0.0)
+        step = np.diff(time)
+        ends = np.abs([profile.acceleration, profile.acceleration + step * profile.jerk])
+        middle = profile.velocity + step / 2 * (profile.acceleration + step / 4 * profile.jerk)
+        factor = max(
+            float(max(profile.velocity.max(), middle.max())) / math.sqrt(float(x_max.min())),
+            math.sqrt(float(ends.max() * np.abs(push).max())),
+            math.cbrt(float(np.abs(profile.jerk).max()) * jerk),
+        )
+        if factor <= 1 + _EXACT:
+            return replace(phase, profile=profile)
+        duration = float(time[-1]) * min(factor, 1.5) + _SPARE * phase.duration
+    raise _too_coarse(phase, period, factor)
+
+
+def _too_coarse(phase: Phase, period: float, factor: float) -> LimitsInfeasible:
+    return LimitsInfeasible(
+        f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
+        f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
+    )
 
 
 def _times(duration: float, period: float, whole: bool, least: int) -> Array:
@@ -198,16 +220,11 @@ class _Spread:
             case Driven() as given:
                 ends = given.piece.body_path(np.array([0.0, 1.0]))
                 rolls = bool(self.drive.actuators(ends, given.steering).wheel.any())
-                return replace(given, profile=self._followed(self.jerk_limited and rolls))
+                quadratic = self.jerk_limited and rolls
+                return replace(given, profile=_followed(self.phase, self.time, self.pace, quadratic))
             case Flowing() as given:
                 return self._flowing(given)
         raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
-
-    def _followed(self, quadratic: bool) -> Profile:
-        """The profile on the grid of a phase that has one, or of one that follows it at other times."""
-        begin, end = _cells(self.time, quadratic)
-        way = _position(self.phase, self.pace(end)) - _position(self.phase, self.pace(begin))
-        return _profile(self.time, way / (end - begin), quadratic)
 
     def _flowing(self, given: Flowing) -> Flowing:
         """A motion whose coordinates are splines on the grid."""
@@ -265,6 +282,13 @@ def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
     way = np.cumsum(np.append(0.0, step * (velocity + step * (change / 2 + step * bow / 3))))
     end = way[-1]
     return Profile(time, way[:-1] / end, velocity / end, change / end, 2 * bow / end)
+
+
+def _followed(phase: Phase, time: Array, pace: _Pace, quadratic: bool) -> Profile:
+    """The profile on the grid of a phase that has one, or of one that follows it at other times."""
+    begin, end = _cells(time, quadratic)
+    way = _position(phase, pace(end)) - _position(phase, pace(begin))
+    return _profile(time, way / (end - begin), quadratic)
 
 
 def _position(phase: Phase, time: Array) -> Array:

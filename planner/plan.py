@@ -100,7 +100,8 @@ def _certified(
     if not candidate.optimized:
         timed = on_grid(timed, problem.robot.limits, period)
     made = schedule(timed, period)
-    if made.steering_angle.shape[1] > 0:  # As wheels interpolate, the body moves.
+    if not timed.is_even and made.steering_angle.shape[1] > 0:
+        # The body moves as wheels interpolate.
         _, pose = rolled(made, problem.robot.drive)
         twist, _ = problem.robot.drive.forward(made.wheel_velocity, made.steering_angle, made.steering_rate)
         pose.flags.writeable = twist.flags.writeable = False
