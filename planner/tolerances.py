@@ -76,6 +76,10 @@ QUANTITIES = {
     "angular_speed_ratio": ("the angular speed", "rad/s", 1e-3),
     "linear_acceleration_ratio": ("the linear acceleration", "m/s²", 2e-2),
     "lateral_acceleration_ratio": ("the lateral acceleration", "m/s²", 2e-2),
+    "linear_speed_ratio between": ("the linear speed of the rolled motion", "m/s", 0.9e-2),
+    "angular_speed_ratio between": ("the angular speed of the rolled motion", "rad/s", 0.9e-2),
+    "linear_acceleration_ratio between": ("the linear acceleration of the rolled motion", "m/s²", 2.8e-2),
+    "lateral_acceleration_ratio between": ("the lateral acceleration of the rolled motion", "m/s²", 2.8e-2),
     "backwards": ("the speed backwards although reverse is false", "m/s", 0.0),
     "turning": ("the turn rate times turning_radius", "m/s", 0.0),
 }  # fmt: skip

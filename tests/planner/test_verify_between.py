@@ -133,7 +133,10 @@ def test_a_reversal_within_one_interval_is_an_acceleration(speed: float) -> None
     used = 2 * speed / PERIOD
     found = case.limits(linear_acceleration=used).verify()
     assert found.linear_acceleration_ratio == pytest.approx(1, abs=1e-6)
-    named(case.limits(linear_acceleration=0.9 * used), r"the linear acceleration is [\d.]+ m/s² at t = 0\.78")
+    named(
+        case.limits(linear_acceleration=0.9 * used),
+        r"the linear acceleration of the rolled motion is [\d.]+ m/s² at t = 0\.8",
+    )
 
 
 def test_a_stated_reversal_is_an_acceleration() -> None:
@@ -173,14 +176,20 @@ def test_lateral_acceleration_is_judged_in_slow_phases_whatever_happens_elsewher
     used = 0.2 * 1.5 / 0.6
     found = case.limits(lateral_acceleration=used * 1.01).verify()
     assert found.lateral_acceleration_ratio == pytest.approx(1 / 1.01, abs=2e-3)
-    named(case.limits(lateral_acceleration=used / 1.1), r"the lateral acceleration is .* at t = 2\.")
+    named(
+        case.limits(lateral_acceleration=used / 1.1),
+        r"the lateral acceleration of the rolled motion is .* at t = 2\.",
+    )
 
 
 def test_lateral_acceleration_of_a_drive_that_only_goes_ahead_is_speed_times_turn_rate() -> None:
     case = exact("differential", tangent=Twist(0.02, 0.0, 0.5))
     found = case.limits(lateral_acceleration=0.01).verify()
     assert found.lateral_acceleration_ratio == pytest.approx(1, abs=1e-4)
-    named(case.limits(lateral_acceleration=0.0097), r"the lateral acceleration is 0\.01 m/s²")
+    named(
+        case.limits(lateral_acceleration=0.0097),
+        r"the lateral acceleration of the rolled motion is 0\.01 m/s²",
+    )
 
 
 def test_the_direction_of_travel_that_turns_between_samples_is_seen() -> None:
