@@ -27,18 +27,18 @@ _CUBICS = [np.abs(np.prod(_SPAN[:, None] - INSTANTS[a : a + 3], axis=1)) for a i
 _REMAINDER = np.array(
     [c[(INSTANTS[a] <= _SPAN) & (INSTANTS[a + 2] >= _SPAN)].max() for a, c in enumerate(_CUBICS)]
 )
-"""Of each three neighbouring instants: the largest |(u - u0)(u - u1)(u - u2)| between the first and the last."""
+"""Of each three neighbouring instants the largest |(u - u0)(u - u1)(u - u2)| between first and last."""
 _THIRD = 1 / np.array([np.prod([u - v for v in INSTANTS[:4] if v != u]) for u in INSTANTS[:4]])
-"""Weights of the first four values in their third divided difference. The instants are symmetric: those of the
-last four are these in reverse order with the other sign."""
+"""Weights of the first four values in their third divided difference. The instants are symmetric: those of
+the last four are these in reverse order with the other sign."""
 
 
 @kernel
 def peak(f: Array) -> float:
     """A bound of the maximum of a function over an interval from its values (5,) at the instants.
 
-    It is the top of the parabola through the largest value and its neighbours, plus what the larger of the two
-    third divided differences may add: the maximum of a quadratic, at least that of a cubic.
+    It is the top of the parabola through the largest value and its neighbours, plus what the larger of the
+    two third divided differences may add: exact for a quadratic, a bound for a cubic.
     """
     m, top = 0, f[0]
     for k in range(1, 5):
@@ -56,7 +56,7 @@ def peak(f: Array) -> float:
     for k in range(4):
         early += _THIRD[k] * (f[k] - f[0])
         late -= _THIRD[k] * (f[4 - k] - f[0])
-    return top + _REMAINDER[a] * max(abs(early), abs(late))
+    return float(top + _REMAINDER[a] * max(abs(early), abs(late)))
 
 
 @kernel
@@ -158,8 +158,8 @@ def _accelerations(
     """Acceleration along the direction of travel and lateral, in one interval, from poses and times (5, 4),
     twists (5, 3) and accelerations in the body's axes (5, 2). At speed 0 all counts as along.
 
-    Between two instants the velocity is taken to be linear in time: then the lateral acceleration is largest at
-    one of them or when the robot is slowest, and there it is the whole acceleration.
+    Between two instants the velocity is taken to be linear in time. Then the lateral acceleration is largest
+    at one of them or when the robot is slowest, and there it is the whole acceleration.
     """
     error = _ROUNDING / (h * h)
     for k in range(5):
@@ -199,9 +199,11 @@ def stated(
     radius: float,
     tolerances: Array,
 ) -> Array:
-    """Of stated twists and poses (n, 3) the first six rows of `rolled`, at the samples. Accelerations are means
-    over each interval, of `least` (s) at least: of the velocity's component along the direction of travel, and
-    of that across it."""
+    """Of stated twists and poses (n, 3) the first six rows of `rolled`, at the samples.
+
+    Accelerations are means over each interval (or `least` s, if that is more) of the velocity's change along
+    and across the direction of travel.
+    """
     found = table(6)
     n = len(twist)
     for i in range(n):

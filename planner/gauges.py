@@ -1,12 +1,12 @@
 """Measures the columns of a schedule and the cubics between its samples, compiled.
 
-A gauge returns a table with a row for each quantity: largest value / bound (inf if it is not a number), time
-and column of its first occurrence, value and bound there. The first number is -1 if nothing was measured.
-Infinite bounds are skipped.
+A gauge returns a table with a row for each quantity: the largest value / bound (inf if it is not a number),
+time and column of its first occurrence, value and bound there. The first number is -1 if nothing was
+measured. Infinite bounds are skipped.
 
-On an interval of length h, between angles q0, q1 and rates v0, v1, a client's angle is the cubic whose rate is
+On an interval of length h, with angles q0, q1 and rates v0, v1 at its ends, a client's rate is
 
-    v(u) = v0 + 2b·u + 3c·u²,    b = 3r - 2·v0 - v1,    c = v0 + v1 - 2r,    r = (q1 - q0) / h,    0 <= u <= 1.
+    v(u) = v0 + 2b·u + 3c·u²,  b = 3r - 2·v0 - v1,  c = v0 + v1 - 2r,  r = (q1 - q0) / h,  0 <= u <= 1.
 
 Its acceleration runs linearly from 2b/h to (2b + 6c)/h, and its rate is extreme at u = -b/3c.
 """

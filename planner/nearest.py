@@ -1,10 +1,10 @@
 """A lower bound of the clearance along a rolled motion.
 
-The distance from the footprint to what is closed changes by no more than the footprint's points move: between
-two looks at distances f and g, while they move by at most l, it is at least (f + g - l) / 2. If they move
-along straight lines it is at least the height of the triangle with sides f, g and l over l: what is closed has
-no point nearer than f to the first position of a body point and than g to the second. Stretches of the motion
-are halved until one of the bounds suffices.
+The distance from the footprint to obstacles changes by no more than the footprint's points move. Between two
+looks that find distances f and g, while no point moves by more than l, it is at least (f + g - l) / 2. If the
+points move along straight lines, it is at least the height of the triangle with sides f, g and base l: no
+point of an obstacle is nearer than f to the first position of a body point, nor nearer than g to the second.
+Stretches of the motion are halved until one of the bounds suffices.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class Surroundings(Protocol):
 
 
 def ways(path: Array, bounds: Array, reach: float) -> Array:
-    """How far (n,) m a point of the footprint, within `reach` of the origin, has moved at each sample, at most.
-    path (4n - 3, 4) of a Rolled; bounds (n - 1, 2) of its speed and turn rate in every interval."""
+    """How far (n,) m points within `reach` of the origin have moved at each sample, at most. path (4n - 3, 4)
+    of a Rolled; bounds (n - 1, 2) of its speed and turn rate in every interval."""
     steps = np.diff(path[::4, 3]) * (bounds[:, 0] + reach * bounds[:, 1])
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -110,12 +110,13 @@ def _poses(path: Array, places: Array) -> Array:
 def _halved(
     stretches: Array, path: Array, way: Array, reach: float, radius: float, enough: float
 ) -> tuple[Array, Array, float]:
-    """Halves of those stretches (n, 4), begin and end (places) and clearances there, along which the clearance
-    may fall below `enough`; where the halves meet; the least bound of the others, inf if there are none."""
+    """Halves of those stretches (n, 4) along which the clearance may fall below `enough`; the places at which
+    the halves meet; the least bound of the other stretches, inf if there are none. A stretch is its begin and
+    end (places) and the clearances there."""
     count, low = 0, np.inf
     found, middles = np.empty((2 * len(stretches), 4)), np.empty(len(stretches))
     for begin, end, first, last in stretches:
-        i, j = int(begin), int(math.ceil(end))
+        i, j = int(begin), math.ceil(end)
         inside = j - i == 1
         moved = (way[j] - way[i]) * (end - begin if inside else 1.0)
         bound = (first + last - moved) / 2
@@ -171,8 +172,8 @@ def _straight(
         height = math.sqrt(max(f * f - foot * foot, 0.0))
     if height - radius < enough:
         return -np.inf
-    # Second derivatives by the share, in metres: along the chord and across it. A quartic's is a parabola: it
-    # exceeds its values at the ends and the middle by an eighth of its own second derivative at most.
+    # Second derivatives by the share, in metres, along the chord and across it. They are parabolas: between
+    # these three points they exceed them by less than `rest`.
     size = math.sqrt(dx * dx + dy * dy + (reach * turned) ** 2)
     if size == 0.0:
         return height - radius
@@ -190,4 +191,4 @@ def _straight(
     if share * share * along > 2 * size:
         return -np.inf  # the footprint may turn back within the stretch
     bow = math.sqrt(2.0) * share * share * across / 8 + reach * turned * turned / 8
-    return height - radius - bow
+    return float(height - radius - bow)

@@ -106,8 +106,8 @@ def _travel(
     for k in range(n):
         i = first + k
         at = _STAGES * i
-        for c in range(3):
-            twist[at, c] = twists[c, k]
+        for axis in range(3):
+            twist[at, axis] = twists[axis, k]
         slip[at] = slips[k]
         path[at, 0], path[at, 1], path[at, 2], path[at, 3] = (
             x + gained[0],

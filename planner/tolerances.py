@@ -6,8 +6,9 @@ Lengths are in m, angles in rad, speeds in m/s and rad/s. A share is relative to
 from __future__ import annotations
 
 __all__ = [
-    "BACKWARDS", "CLEARANCE", "CLEARANCE_ACCURACY", "CLEARANCE_SHARE", "COLUMN", "COPIED", "HEADING", "LONGEST", "POSITION",
-    "POSITION_PER_METRE", "QUANTITIES", "REST", "SAME", "SATURATED", "SLIP", "TURNING", "TWIST",
+    "BACKWARDS", "CLEARANCE", "CLEARANCE_ACCURACY", "CLEARANCE_SHARE", "COLUMN", "COPIED", "HEADING",
+    "LONGEST", "POSITION", "POSITION_PER_METRE", "QUANTITIES", "REST", "SAME", "SATURATED", "SLIP", "TURNING",
+    "TWIST",
 ]  # fmt: skip
 
 POSITION, POSITION_PER_METRE, HEADING = 5e-4, 5e-5, 1e-3
@@ -44,7 +45,7 @@ CLEARANCE_ACCURACY, CLEARANCE_SHARE = 1e-4, 3e-3
 distance from min_clearance if that is more."""
 
 LONGEST, SATURATED = 1.1e5, 1e6
-"""Largest motion of the footprint that is checked, m; largest number in a certificate, as JSON has no infinity."""
+"""Largest motion of the footprint that is checked, m; largest number in a certificate."""
 
 QUANTITIES = {
     # key: (name in a sentence, unit, allowed excess of value / bound over 1)
@@ -55,7 +56,9 @@ QUANTITIES = {
     "wheel_acceleration_ratio": ("the wheel acceleration", "rad/s²", 1e-2),
     "wheel_acceleration_ratio between": ("the wheel acceleration between samples", "rad/s²", 2.8e-2),
     "wheel_jerk_ratio": ("the wheel jerk", "rad/s³", 2e-2),
-    "wheel acceleration column": ("the gap between the stated and the interpolated wheel acceleration", "rad/s²", 0.0),
+    "wheel acceleration column": (
+        "the gap between the stated and the interpolated wheel acceleration", "rad/s²", 0.0,
+    ),
     "steering_angle_ratio": ("the steering angle", "rad", 1e-4),
     "steering_angle_ratio between": ("the steering angle between samples", "rad", 0.9e-3),
     "steering_rate_ratio": ("the steering rate", "rad/s", 0.9e-2),
@@ -73,6 +76,10 @@ QUANTITIES = {
     "angular_speed_ratio": ("the angular speed", "rad/s", 1e-3),
     "linear_acceleration_ratio": ("the linear acceleration", "m/s²", 2e-2),
     "lateral_acceleration_ratio": ("the lateral acceleration", "m/s²", 2e-2),
+    "linear_speed_ratio between": ("the linear speed of the rolled motion", "m/s", 0.9e-2),
+    "angular_speed_ratio between": ("the angular speed of the rolled motion", "rad/s", 0.9e-2),
+    "linear_acceleration_ratio between": ("the linear acceleration of the rolled motion", "m/s²", 2.8e-2),
+    "lateral_acceleration_ratio between": ("the lateral acceleration of the rolled motion", "m/s²", 2.8e-2),
     "backwards": ("the speed backwards although reverse is false", "m/s", 0.0),
     "turning": ("the turn rate times turning_radius", "m/s", 0.0),
 }  # fmt: skip

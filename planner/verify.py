@@ -97,7 +97,7 @@ def verify(problem: Problem, schedule: WheelSchedule, world: Surroundings) -> Ce
         found["clearance"], violations = _clearance(problem, rolled, bounds, world)
         checks = (_closure, _wheels, _steering, _ends, _agreement, _stated_body)
         readings = [r for check in checks for r in check(problem, schedule, rolled)]
-        for reading in (*readings, *_readings(_BODY, body)):
+        for reading in (*readings, *_readings(_ROLLED, body)):
             most, faults = _judge(reading)
             violations += faults
             field = reading.quantity.removesuffix(" between")
@@ -230,10 +230,11 @@ def _agreement(_: Problem, schedule: WheelSchedule, rolled: Rolled) -> Iterator[
 
 
 _TWIST = "vx", "vy", "omega"
-_BODY = (
+_LIMITS = (
     "linear_speed_ratio", "angular_speed_ratio", "linear_acceleration_ratio", "lateral_acceleration_ratio",
-    "backwards", "turning", "slip",
 )  # fmt: skip
+_STATED = (*_LIMITS, "backwards", "turning")
+_ROLLED = (*(f"{name} between" for name in _LIMITS), "backwards", "turning", "slip")
 
 
 def _asked_of_body(problem: Problem) -> tuple[float, float, float, float, bool, bool, float, Array]:
@@ -256,7 +257,7 @@ def _rolled_body(problem: Problem, rolled: Rolled) -> tuple[Array, Array]:
 def _stated_body(problem: Problem, schedule: WheelSchedule, _: Rolled) -> Iterator[Reading]:
     least = 1e-3 * problem.options.sample_period  # means over less are rounding
     table = body_gauges.stated(schedule.time, least, schedule.twist, schedule.pose, *_asked_of_body(problem))
-    return _readings(_BODY[:-1], table)
+    return _readings(_STATED, table)
 
 
 def _clearance(

