@@ -131,16 +131,16 @@ def _body(time: Array, twist: Array, pose: Array, limits: Array, factors: Array)
                 factors[i] = max(factors[i], math.sqrt(abs(vx * omega) / across))
         if along == np.inf and across == np.inf:
             continue
-        # The change of velocity in the frame of this sample, along and across the mean velocity.
-        gained, h = pose[i + 1, 2] - pose[i, 2], time[i + 1] - time[i]
-        c, s = math.cos(gained), math.sin(gained)
-        vx, vy = twist[i, 0], twist[i, 1]
-        wx, wy = c * twist[i + 1, 0] - s * twist[i + 1, 1], s * twist[i + 1, 0] + c * twist[i + 1, 1]
-        ax, ay, mx, my = (wx - vx) / h, (wy - vy) / h, (vx + wx) / 2, (vy + wy) / 2
-        size = math.sqrt(mx * mx + my * my)
-        if size < _FEW:
-            mx, my, size = ax, ay, math.sqrt(ax * ax + ay * ay)
-        if size > 0.0:
-            factors[i] = max(factors[i], math.sqrt(abs(ax * mx + ay * my) / (size * along)))
-            if vy != 0.0 or twist[i + 1, 1] != 0.0:
-                factors[i] = max(factors[i], math.sqrt(abs(ax * my - ay * mx) / (size * across)))
+        # In the body's axes the velocity is about linear between samples.
+        h = time[i + 1] - time[i]
+        dx, dy = (twist[i + 1, 0] - twist[i, 0]) / h, (twist[i + 1, 1] - twist[i, 1]) / h
+        for k in (i, i + 1):
+            vx, vy, omega = twist[k]
+            size = math.sqrt(vx * vx + vy * vy)
+            if size < _FEW:
+                factors[i] = max(factors[i], math.sqrt(math.sqrt(dx * dx + dy * dy) / along))
+                continue
+            factors[i] = max(factors[i], math.sqrt(abs(dx * vx + dy * vy) / (size * along)))
+            if vy != 0.0:
+                bend = abs(vx * dy - vy * dx + omega * size * size) / size
+                factors[i] = max(factors[i], math.sqrt(bend / across))
