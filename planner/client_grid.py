@@ -88,7 +88,7 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
         spread = _Spread(phase, time, pace, drive, jerk_limited, aim)
         made = spread.over()
         sampled = Phases(drive, (made,)).sample(time)
-        factors = slow_factors(sampled, limits)
+        factors = slow_factors(sampled, drive, limits)
         factor = float(factors.max())
         if factor > 1 + _EXACT:
             excess = np.maximum(factors - 1, 0.0)
