@@ -28,6 +28,7 @@ from numba import njit
 from numba.core import caching
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
+from numba.core.types import unliteral
 
 __all__ = ["cache_folder", "code_folder", "compiling", "exclusive", "kernel"]
 
@@ -40,7 +41,7 @@ _IMPORT = re.compile(r"^\s*from ([\w.]+) import", re.MULTILINE)
 
 def kernel(function: _F) -> _F:
     """Compiles a function on first use and keeps its machine code in the cache."""
-    compiled: Any = njit(error_model="numpy")(function)
+    compiled: Any = njit(error_model="numpy", no_cfunc_wrapper=True)(function)
     if _numba.DISABLE_JIT:
         return function
     name = f"{function.__module__}.{function.__qualname__}"
@@ -48,9 +49,11 @@ def kernel(function: _F) -> _F:
         compiled._cache = _Cache(function, folder)
     compile_signature = compiled.compile
 
-    def compile_once(signature: Any) -> Any:
+    def compile_once(signature: tuple[Any, ...]) -> Any:
+        # Constants among the arguments would each get machine code of their own.
+        types = tuple(unliteral(each) for each in signature)
         with _clock_stopped(), global_compiler_lock, exclusive(name):
-            return compile_signature(signature)
+            return compile_signature(types)
 
     compiled.compile = compile_once
     return cast(_F, compiled)

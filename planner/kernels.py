@@ -25,7 +25,7 @@ __all__ = ["assume_ready", "compiling", "kernel", "make_ready"]
 _SHARES = 2
 """Processes that compile at once, at most."""
 
-_POLL = 0.2
+_POLL = 0.5
 """Seconds between two reports of progress."""
 
 _UNUSED = 30 * 86400.0
@@ -43,7 +43,7 @@ _ready = False
 def make_ready(progress: Callable[[int, int], object] = lambda done, total: None) -> None:
     """Compiles all kernels that the cache lacks, in processes of their own. Returns at once if it lacks none.
 
-    progress: told how many of how many kernels are compiled, several times a second. If the cache is
+    progress: told how many of how many kernels are compiled, every half second. If the cache is
     read-only, nothing is compiled here; each process then compiles what it uses.
     """
     if _ready:
@@ -87,7 +87,7 @@ def _compile(marker: Path, kernels: dict[Path, int], progress: Callable[[int, in
     total = sum(kernels.values())
 
     def report() -> None:
-        progress(sum(len(list(code.glob("*.nbi"))) for code in kernels), total)
+        progress(min(sum(len(list(code.glob("*.nbi"))) for code in kernels), total - 1), total)
         time.sleep(_POLL)
 
     while not marker.exists():
