@@ -24,24 +24,24 @@ from typing import Any, TypeVar, cast
 from zlib import crc32
 
 import numba
-from numba import njit
 from numba.core import caching
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
-from numba.core.types import unliteral
 
 __all__ = ["cache_folder", "code_folder", "compiling", "exclusive", "kernel"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 _numba: Any = numba.config
+_njit: Any = numba.njit
+_unliteral: Any = numba.types.unliteral
 
 _IMPORT = re.compile(r"^\s*from ([\w.]+) import", re.MULTILINE)
 
 
 def kernel(function: _F) -> _F:
     """Compiles a function on first use and keeps its machine code in the cache."""
-    compiled: Any = njit(error_model="numpy", no_cfunc_wrapper=True)(function)
+    compiled = _njit(error_model="numpy", no_cfunc_wrapper=True)(function)
     if _numba.DISABLE_JIT:
         return function
     name = f"{function.__module__}.{function.__qualname__}"
@@ -51,7 +51,7 @@ def kernel(function: _F) -> _F:
 
     def compile_once(signature: tuple[Any, ...]) -> Any:
         # Constants among the arguments would each get machine code of their own.
-        types = tuple(unliteral(each) for each in signature)
+        types = tuple(_unliteral(each) for each in signature)
         with _clock_stopped(), global_compiler_lock, exclusive(name):
             return compile_signature(types)
 
