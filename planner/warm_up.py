@@ -60,10 +60,15 @@ def _plan(problem: Problem) -> None:
 
 
 def _problems() -> list[Problem]:
-    """A wall, two walls with a detour, and no way, such that all kernels are used."""
+    """Problems that together use all kernels: two walls with a detour, one wall, no way, and an open floor.
+
+    Neighbours in the list begin with different kernels, so that two processes seldom wait for each other.
+    """
     firsts = [_problem(*each, "first", _wall(-1.0, -4.0, 2.0), _wall(1.0, -2.0, 4.0)) for each in _DRIVES]
     goods = [_problem(*each, "good", _wall(0.0, -4.0, 1.0)) for each in _DRIVES]
-    return [*chain(*zip(firsts, goods, strict=True)), _problem(*_DRIVES[0], "first", _wall(0.0, -4.0, 4.0))]
+    open_floor = _problem(*_DRIVES[0], "good")
+    shut = _problem(*_DRIVES[0], "first", _wall(0.0, -4.0, 4.0))
+    return [firsts[0], open_floor, shut, *chain(*zip(goods, firsts[1:], strict=False)), goods[-1]]
 
 
 def _wall(x: float, y_min: float, y_max: float) -> Polygon:
