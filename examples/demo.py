@@ -57,7 +57,7 @@ def service(folder: Path) -> Iterator[str]:
 
 
 def wait_until_ready(process: subprocess.Popen[bytes], url: str) -> None:
-    """Wait for the service. The first start on a machine compiles the kernels; later ones find them cached."""
+    """Wait for the service. The first start on a machine compiles the kernels; later ones load them."""
     deadline = time.monotonic() + 600
     while time.monotonic() < deadline:
         if process.poll() is not None:
