@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+import math
+import time
+from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from typing import Any
 
-import anyio
 import numpy as np
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
@@ -36,6 +38,7 @@ from api.batches import Batches
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
+from api.log import log
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import PROBES, Envelope, Gate
@@ -49,6 +52,7 @@ from api.workers import local_pool
 from drives.se2 import Pose
 from planner.environment import check_simple_polygon, prepare_map
 from planner.errors import PlanningError
+from planner.kernels import make_ready
 from planner.problem import MapLayer
 from planner.problem import Problem as PlanProblem
 
@@ -65,6 +69,9 @@ _ROUTES = (
     routes_page,
 )
 
+_PROGRESS = 5.0
+"""Seconds between two lines about the compilation of kernels."""
+
 
 def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     """The service as an ASGI application. The pool is started and closed with it."""
@@ -75,9 +82,8 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
         app.state.maps.sweep()
         workers.start()
         app.state.batches.start()
-        warming = asyncio.create_task(anyio.to_thread.run_sync(_warm_up, abandon_on_cancel=True))
+        Thread(target=_warm_up, daemon=True).start()
         yield
-        warming.cancel()
         await app.state.batches.close()
         await workers.close()
 
@@ -131,11 +137,24 @@ def scheduler_of(settings: Settings) -> Scheduler:
 
 
 def _warm_up() -> None:
-    """Loads the kernels that the server itself calls; its first clients would wait for that."""
+    """Compiles the kernels if the cache lacks them, and loads those that the server itself calls."""
+    make_ready(_log_progress())
     check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     with TemporaryDirectory() as folder:
         np.save(Path(folder) / "cells.npy", np.eye(3, dtype=np.int8))
         prepare_map(MapLayer("", Path(folder), 1.0, Pose(0.0, 0.0, 0.0), "occupied"))
+
+
+def _log_progress() -> Callable[[int, int], None]:
+    last = -math.inf
+
+    def progress(done: int, total: int) -> None:
+        nonlocal last
+        if done == total or time.monotonic() - last > _PROGRESS:
+            last = time.monotonic()
+            log(event="compiling kernels", done=done, total=total)
+
+    return progress
 
 
 def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:

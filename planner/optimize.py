@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
@@ -35,6 +34,7 @@ from planner.horizon import WINDOW, State, receding
 from planner.optimal_control import Shape, solver
 from planner.problem import Problem
 from planner.retime import hastened
+from planner.stopwatch import now
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
@@ -315,10 +315,10 @@ class Optimizer:
         first = np.column_stack([
             (guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), angles, np.ones(n + 1),
         ])  # fmt: skip
-        begin_of_solve = perf_counter()
+        begin_of_solve = now()
         change = (np.diff(rates if shape.jerk else q, axis=0).T / np.diff(at)).T
         answer = solver(shape).solve(parameters, first, np.column_stack([change, swung]), self.iterations)
-        self._took.append(perf_counter() - begin_of_solve)
+        self._took.append(now() - begin_of_solve)
         if answer is None:
             return None
         x, u = answer

@@ -128,7 +128,7 @@ def serving(data_dir, token=None, **settings):
     """A server that is ready. token: what to show it for its metrics."""
     server = Server(data_dir, token, **settings)
     try:
-        until(lambda: server.ready() or server.process.poll() is not None, 300)
+        until(lambda: server.ready() or server.process.poll() is not None, 600)  # it may have to compile
         assert server.process.poll() is None, b"".join(server.log)
         until(lambda: server.metric("wheelplan_workers_idle") == settings.get("workers", 2))
         yield server
