@@ -46,6 +46,10 @@ def lines(client, path):
     return {line["index"]: line for line in found}
 
 
+def echo(request, held):
+    return request
+
+
 def until(condition, within=20.0):
     began = time.monotonic()
     while not condition():
@@ -343,18 +347,21 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
     """The application's test client does not stream: this asks the batches themselves."""
 
     class Idle:
-        ready, spare, draining = True, 1, False
+        ready, draining = True, False
+
+        def starts(self, ticket):
+            return True
 
     gates = [asyncio.Event() for _ in range(3)]
 
-    async def plan(number):
+    async def plan(number, ticket):
         await gates[number].wait()
         return b'{"number":%d}' % number
 
     async def main():
-        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, plan, 1)
+        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), echo, lambda *_: None, plan, 1)
         batches.start()
-        id = (await batches.add([0, 1, 2]))["id"]
+        id = (await batches.add([0, 1, 2], ""))["id"]
         early, seen = await batches.lines(id), []
         for number in (1, 2, 0):
             gates[number].set()
@@ -371,12 +378,15 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
 
 def test_closing_ends_even_in_the_moment_in_which_a_worker_is_free_again(tmp_path):
     class Busy:
-        ready, spare, draining = True, 0, False
+        ready, draining = True, False
+
+        def starts(self, ticket):
+            return False
 
     async def main():
-        batches = Batches(Busy(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, None, 1)
+        batches = Batches(Busy(), BatchStore(tmp_path, 60, 10**6), echo, lambda *_: None, None, 1)
         batches.start()
-        id = (await batches.add([0]))["id"]
+        id = (await batches.add([0], ""))["id"]
         await asyncio.sleep(0.1)
         batches._stir.set()
         await batches.close()
