@@ -7,7 +7,8 @@ cannot be interrupted, so two limits are added:
 - While others wait, a client that holds its share of the workers comes after them. The share is the number of
   workers over the number of clients that have jobs, rounded up.
 - A client's long jobs leave one worker free, unless there is only one. Later jobs of that client that are not
-  long may pass them. Long is a job that is expected to take more than `patience` s.
+  long may pass them. A job is long if it is foreseen to take more than `patience` s, or if half of its client's
+  jobs of late did.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ _OF_LATE = 16
 
 _BENEFIT = 4
 """The average over all clients begins with so many jobs that took no time: one alone says little."""
+
+_RARE = 2.0
+"""In the average of one client a job counts as so many times the patience at most. Otherwise a rare long one
+would make the others long."""
 
 _REMEMBERED = 1024
 """Clients without jobs whose virtual time and average are remembered."""
@@ -184,7 +189,7 @@ class FairQueue(Generic[T]):
         if ticket.foreseen is None:
             client.learnt_from = min(client.learnt_from + 1, _OF_LATE)
             before = client.typical or 0.0
-            client.typical = before + (seconds - before) / client.learnt_from
+            client.typical = before + (min(seconds, _RARE * self.patience) - before) / client.learnt_from
             # A rare long one says little of those to come.
             self._learnt_from = min(self._learnt_from + 1, _OF_LATE)
             self._typical += (min(seconds, self.patience) - self._typical) / self._learnt_from

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from itertools import count
 
 import pytest
 
@@ -59,18 +60,22 @@ class Busy(Pool):
         self._queue.add(ticket)
         return ticket
 
+    def expected_wait(self, client):
+        return self._queue.expected_wait(Ticket(client=client))
+
     def begin(self):
         """Gives jobs to free workers."""
         while self.spare and self._queue.next():
             pass
 
     def taken(self, **asked):
-        """How many jobs it takes until it refuses one, and that refusal."""
-        for count in range(2000):
+        """How many jobs it takes until it refuses one, and that refusal. client may be a function."""
+        for taken in range(2000):
+            client = asked.get("client", "")
             try:
-                self.offer(**asked)
+                self.offer(**asked | {"client": client() if callable(client) else client})
             except Refusal as refusal:
-                return count, refusal
+                return taken, refusal
             self.begin()
         return None
 
@@ -102,3 +107,33 @@ def test_a_rare_long_job_leaves_the_queue_almost_half_of_its_room():
 def test_what_jobs_take_now_counts_after_some_dozens():
     slower = Busy([0.05] * 1000 + [0.1] * 100).taken()[0]
     assert slower == pytest.approx(Busy([0.1] * 200).taken()[0], rel=0.15)
+
+
+def test_a_flood_of_one_client_does_not_turn_another_away():
+    pool = Busy([0.05] * 200)
+    taken, _ = pool.taken(client="flood")
+    assert taken == Busy([0.05] * 200).taken()[0]
+    assert pool.taken(client="other")[0] > 10
+    assert pool.expected_wait("third") < 0.1
+
+
+def test_the_queue_keeps_its_wait_in_total_even_if_every_job_is_another_clients():
+    pool, names = Busy([0.05] * 200), count()
+    taken = pool.taken(client=lambda: str(next(names)))[0]
+    assert 0.6 < taken * 0.05 / 2 < 0.8
+
+
+def test_the_places_are_shared_so_that_one_client_cannot_take_them_all():
+    pool = Busy([0.001] * 200, queue_length=8)
+    assert pool.taken(client="flood")[0] == 10
+    pool.admit(Ticket(client="other"))  # at the cost of the flood's newest
+    with pytest.raises(Refusal):
+        pool.admit(Ticket(client="flood"))
+
+
+def test_short_jobs_are_taken_while_long_ones_leave_a_worker_free():
+    pool = Busy([0.05] * 200)
+    assert pool.taken(client="long", foreseen=30.0)[1].details["retry_after"] >= 30
+    assert pool.queued == 2
+    for client in ("long", "other"):
+        pool.admit(Ticket(client=client))
