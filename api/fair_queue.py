@@ -7,8 +7,8 @@ cannot be interrupted, so two limits are added:
 - While others wait, a client that holds its share of the workers comes after them. The share is the number of
   workers over the number of clients that have jobs, rounded up.
 - A client's long jobs leave one worker free, unless there is only one. Later jobs of that client that are not
-  long may pass them. A job is long if it is foreseen to take more than `patience` s, or if half of its client's
-  jobs of late did.
+  long may pass them. A job is long if it is foreseen to take more than `patience` s, or if half of what its
+  client asked for of late did.
 """
 
 from __future__ import annotations

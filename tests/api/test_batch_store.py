@@ -45,11 +45,11 @@ def test_a_batch_whose_server_was_killed_is_cancelled_and_half_a_line_is_dropped
     assert (tmp_path / record.id / "results.ndjson").read_bytes() == b'{"index":0}\n'
 
 
-def kept(root, id, total=2, **changes):
+def kept(root, name, total=2, **changes):
     """The folder of a batch that has ended, with one line of results."""
     results = b'{"index":0}\n'
-    record = Record(id, total, time.time(), done=1, cancelled=total - 1, size=len(results))
-    place = root / id
+    record = Record(name, total, time.time(), done=1, cancelled=total - 1, size=len(results))
+    place = root / name
     place.mkdir(parents=True)
     (place / "results.ndjson").write_bytes(results)
     document = asdict(record) | {"finished": time.time()} | changes
@@ -60,13 +60,12 @@ def kept(root, id, total=2, **changes):
 @pytest.mark.parametrize(
     "content",
     [
-        b"", b"{", b"null", b"[]", b"{}", b"\xff\xfe", b'{"id":"' + b"b" * 32 + b'","total":"many","created":0}',
+        b"", b"{", b"null", b"[]", b"{}", b"\xff\xfe",
+        b'{"id":"' + b"b" * 32 + b'","total":"many","created":0}',
         b'{"id":"' + b"c" * 32 + b'","total":1,"created":0}', b"[" * 100_000,
     ],
 )  # fmt: skip
-def test_a_record_that_cannot_be_used_is_moved_away_once_and_the_store_goes_on(
-    tmp_path, content, monkeypatch
-):
+def test_a_record_that_cannot_be_used_is_moved_away_once(tmp_path, content, monkeypatch):
     lines, store = [], BatchStore(tmp_path, 60, 10**6)
     monkeypatch.setattr("api.batch_store.log", lambda **line: lines.append(line))
     place = kept(tmp_path, "b" * 32)
@@ -157,9 +156,7 @@ def test_a_step_of_the_clock_neither_deletes_nor_keeps_results(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize(("passed", "left"), [(-1e6, 60.0), (0.0, 60.0), (20.0, 40.0), (1e6, 0.0)])
-def test_after_a_restart_results_are_kept_for_no_longer_than_from_their_end(
-    tmp_path, monkeypatch, passed, left
-):
+def test_after_a_restart_the_wall_clock_tells_how_old_results_are(tmp_path, monkeypatch, passed, left):
     clocks = {"time": 1e9, "monotonic": 500.0}
     for name in clocks:
         monkeypatch.setattr(time, name, lambda name=name: clocks[name])
