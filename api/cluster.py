@@ -43,6 +43,8 @@ class _Turn(Ticket):
     """A place in the queue, and its turn to submit a job."""
 
     given: asyncio.Future[None]
+    job: asyncio.Task[Any] | None = None
+    refusal: Refusal | None = None
 
 
 class Cluster(Scheduler[_Turn]):
@@ -90,15 +92,20 @@ class Cluster(Scheduler[_Turn]):
         progress: Callable[[Any], None] | None,
     ) -> Any:
         turn = _Turn(
-            client=asked.client, foreseen=asked.foreseen, at_most=asked.at_most,
+            client=asked.client, foreseen=asked.foreseen,
             given=asyncio.get_running_loop().create_future(),
         )  # fmt: skip
         self._queue.add(turn)
-        job = asyncio.create_task(self._carry(turn, pickle.dumps((function, args)), deadline, progress))
+        self._insist(turn)
+        job = turn.job = asyncio.create_task(
+            self._carry(turn, pickle.dumps((function, args)), deadline, progress)
+        )
         self._jobs.add(job)
         try:
             return await job
         except asyncio.CancelledError:
+            if turn.refusal is not None and job.cancelled():
+                raise turn.refusal from None
             if self._stopped and job.cancelled():
                 raise Refusal("draining", "Stopped by a shutdown.", retry_after=RETRY_AFTER) from None
             raise
@@ -164,8 +171,12 @@ class Cluster(Scheduler[_Turn]):
 
     def _shed(self, turn: _Turn, detail: str) -> None:
         self._queue.discard(turn)
+        refusal = self._overloaded(detail, self._queue.expected_wait(turn))
         if not turn.given.done():
-            turn.given.set_exception(self._overloaded(detail, self._queue.expected_wait(turn)))
+            turn.given.set_exception(refusal)
+        elif turn.job is not None:
+            turn.refusal = refusal
+            turn.job.cancel()
 
     async def _take_turn(self, turn: _Turn) -> None:
         self._wake()

@@ -1,21 +1,23 @@
 """A queue that is fair between clients: start-time fair queueing (Goyal, Vin and Cheng, 1997) for workers.
 
 Each client has a virtual time, which advances by the seconds that its jobs keep workers. A free worker takes
-a job of the client whose virtual time is least; a client's own jobs are taken in order of arrival. Jobs
-cannot be interrupted, so two limits are added:
+a job of the client whose virtual time is least; a client's own jobs are taken in order of arrival. A job keeps
+its worker until it is done, so three limits are added:
 
 - While others wait, a client that holds its share of the workers comes after them. The share is the number of
   workers over the number of clients that have jobs, rounded up.
-- A client's long jobs leave one worker free, unless there is only one. Later jobs of that client that are not
-  long may pass them. A job is long if it is foreseen to take more than `patience` s, or if half of what its
-  client asked for of late did.
+- While others are about, a client's long jobs leave one worker free, unless there is only one. Later jobs of
+  that client that are not long may pass them. A job is long if it is foreseen to take more than `patience` s,
+  or if half of what its client asked for of late did. Others are about that had a job within a minute.
+- A client that was alone may hold all workers for long. The scheduler then asks for a job to stop (`excess`).
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Generic, TypeVar
@@ -32,6 +34,9 @@ _RARE = 2.0
 """In the average of one client a job counts as so many times the patience at most. Otherwise a rare long one
 would make the others long."""
 
+_RECENT = 60.0
+"""A client whose last job ended so long ago is no longer about, s."""
+
 _REMEMBERED = 1024
 """Clients without jobs whose virtual time and average are remembered."""
 
@@ -42,13 +47,12 @@ class Ticket:
 
     client    who asked for it
     foreseen  how long it will keep a worker, s; None: not known
-    at_most   what foreseen is taken to be for a client of whom nothing is known yet, s; None: short
     """
 
     client: str = ""
     foreseen: float | None = None
-    at_most: float | None = None
     arrival: int = 0
+    begun: float = 0.0
     charged: float = 0.0
     long: bool = False
 
@@ -58,14 +62,17 @@ T = TypeVar("T", bound=Ticket)
 
 @dataclass(eq=False, slots=True)
 class _Client(Generic[T]):
-    """virtual: its virtual time, s; typical: what its jobs took of late, s; held: workers that do its jobs;
-    unknown: its jobs that nothing is foreseen of; short and long: s foreseen of the others."""
+    """virtual: its virtual time, s; typical: what its jobs took of late, s; running: its jobs that workers do,
+    unless these were asked to stop; held: all of them; left: when it last had none; unknown: its jobs that
+    nothing is foreseen of; short and long: s foreseen of the others."""
 
     virtual: float = 0.0
     typical: float | None = None
     learnt_from: int = 0
     waiting: deque[T] = field(default_factory=deque)
+    running: list[T] = field(default_factory=list)
     held: int = 0
+    left: float = 0.0
     long_held: int = 0
     unknown: int = 0
     short: float = 0.0
@@ -76,11 +83,13 @@ class FairQueue(Generic[T]):
     """The jobs that wait for `size` workers, and how many of these each client holds.
 
     patience s: longer jobs are long, and an unforeseen job counts as no more in the average over all clients.
+    clock: s, monotonic.
     """
 
-    def __init__(self, size: int, patience: float) -> None:
+    def __init__(self, size: int, patience: float, clock: Callable[[], float] = time.monotonic) -> None:
         self.size = size
         self.patience = patience
+        self._clock = clock
         self.held = 0
         """Workers that do a job of this queue."""
         self._busy: dict[str, _Client[T]] = {}
@@ -112,7 +121,9 @@ class FairQueue(Generic[T]):
     def may_start(self, ticket: Ticket) -> bool:
         """Whether a free worker may take such a job now."""
         client = self._client(ticket.client)
-        return client.long_held < max(1, self.size - 1) or not self._is_long(client, ticket)
+        if client.long_held < max(1, self.size - 1) or not self._is_long(client, ticket):
+            return True
+        return client.long_held < self.size and not self._others(ticket.client)
 
     def expected_wait(self, ticket: Ticket) -> float:
         """How long such a job would wait (s): until the workers have done the client's own jobs, and of
@@ -130,6 +141,22 @@ class FairQueue(Generic[T]):
         """The newest job of the client with most jobs waiting, if this client has two fewer."""
         longest = max((other.waiting for other in self._busy.values()), key=len, default=deque[T]())
         return longest[-1] if len(longest) > self.waiting(client) + 1 else None
+
+    def excess(self, client: str) -> T | None:
+        """A job that should stop, since a job of this client waits: the newest of another client that holds
+        more than its share, among those that are long or have been running for longer than `patience`."""
+        share = math.ceil(self.size / max(1, len(self._busy)))
+        ends = [
+            ticket
+            for name, other in self._busy.items()
+            if name != client and len(other.running) > share
+            for ticket in other.running
+            if ticket.long or self._clock() - ticket.begun > self.patience
+        ]
+        newest = max(ends, key=lambda ticket: ticket.begun, default=None)
+        if newest is not None:
+            self._busy[newest.client].running.remove(newest)
+        return newest
 
     def add(self, ticket: T) -> None:
         """A job that begins to wait."""
@@ -165,6 +192,7 @@ class FairQueue(Generic[T]):
             return None
         client, ticket = turn
         self._virtual = least[1]
+        ticket.begun = self._clock()
         ticket.long = self._is_long(client, ticket)
         ticket.charged = self._expected(client, ticket)
         client.virtual = self._virtual + ticket.charged
@@ -200,7 +228,14 @@ class FairQueue(Generic[T]):
 
     def _is_long(self, client: _Client[T], ticket: Ticket) -> bool:
         known = client.typical if ticket.foreseen is None else ticket.foreseen
-        return (known if known is not None else ticket.at_most or 0.0) > self.patience
+        return (known or 0.0) > self.patience
+
+    def _others(self, name: str) -> bool:
+        """Whether other clients are about."""
+        if self._busy.keys() - {name}:
+            return True
+        last = next((client for other, client in reversed(self._idle.items()) if other != name), None)
+        return last is not None and self._clock() - last.left < _RECENT
 
     def _expected(self, client: _Client[T], ticket: Ticket) -> float:
         if ticket.foreseen is not None:
@@ -215,6 +250,10 @@ class FairQueue(Generic[T]):
         self.held += change
         client.held += change
         client.long_held += change * ticket.long
+        if change > 0:
+            client.running.append(ticket)
+        elif ticket in client.running:
+            client.running.remove(ticket)
 
     def _count(self, client: _Client[T], ticket: T, change: int) -> None:
         if ticket.foreseen is None:
@@ -228,6 +267,7 @@ class FairQueue(Generic[T]):
         self._count(client, ticket, -1)
         if not client.waiting and not client.held:
             client.short = client.long = 0.0  # not the rounding of sums and differences
+            client.left = self._clock()
             del self._busy[ticket.client]
             self._idle[ticket.client] = client
             if len(self._idle) > _REMEMBERED:

@@ -93,10 +93,8 @@ async def create_plan(
 
 def ticket_for(problem: Problem, client: str) -> Ticket:
     """A plan's place in the queue."""
-    budget = problem.options.time_budget
-    return Ticket(
-        client=client, foreseen=budget if problem.options.effort == "best" else None, at_most=budget
-    )
+    options = problem.options
+    return Ticket(client=client, foreseen=options.time_budget if options.effort == "best" else None)
 
 
 async def answered(

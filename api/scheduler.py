@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -37,7 +38,7 @@ class Scheduler(ABC, Generic[T]):
     size           workers that it has or is about to have
     queue_length   jobs that may wait for a worker
     queue_wait     s; a job is refused if it is expected to wait for longer, unless hardly any job waits;
-                   jobs that take longer leave a worker free
+                   jobs that take longer leave a worker to other clients
     queue_timeout  s; no job waits longer, whatever was expected
 
     shed      jobs refused so far because too many waited
@@ -143,9 +144,22 @@ class Scheduler(ABC, Generic[T]):
     ) -> Any:
         """`run`, of a job that is let in."""
 
+    def _insist(self, ticket: T) -> None:
+        """While this job waits for longer than queue_wait: stops jobs of clients that hold too many workers."""
+
+        def look() -> None:
+            if ticket in self._queue:
+                if (excess := self._queue.excess(ticket.client)) is not None:
+                    self._shed(
+                        excess, "The plan was stopped: another client waits, and you hold its workers."
+                    )
+                self._insist(ticket)
+
+        asyncio.get_running_loop().call_later(self.queue_wait, look)
+
     @abstractmethod
     def _shed(self, ticket: T, detail: str) -> None:
-        """Refuses a job that waits: overloaded."""
+        """Refuses a job that waits or is being done: overloaded."""
 
     @abstractmethod
     async def drain(self, grace: float) -> None:

@@ -16,6 +16,7 @@ import pickle
 import resource
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -171,8 +172,15 @@ def stop_fork_server() -> None:
 
 
 def _reap(pid: int) -> None:
-    with suppress(ChildProcessError):
-        os.waitpid(pid, 0)
+    """Reaps a killed process that is about to become our child, unless another process does within 1 s."""
+    until = time.monotonic() + 1.0
+    with suppress(ProcessLookupError):
+        while time.monotonic() < until:
+            with suppress(ChildProcessError):  # its old parent's pipes close before we are the new one
+                os.waitpid(pid, 0)
+                return
+            os.kill(pid, 0)
+            time.sleep(0.01)
 
 
 _caller: Connection | None = None

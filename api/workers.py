@@ -129,16 +129,15 @@ class Pool(Scheduler[_Job]):
     ) -> Any:
         loop = asyncio.get_running_loop()
         job = _Job(
-            client=asked.client, foreseen=asked.foreseen, at_most=asked.at_most,
+            client=asked.client, foreseen=asked.foreseen,
             payload=pickle.dumps((function, args, progress is not None)), deadline=deadline,
             answer=loop.create_future(), progress=progress, begun=time.time_ns(),
         )  # fmt: skip
         self._unanswered.add(job.answer)
         self._queue.add(job)
         self._dispatch()
-        giving_up = loop.call_later(
-            self.queue_timeout, self._shed, job, f"No worker was free within {self.queue_timeout:g} s."
-        )
+        self._insist(job)
+        giving_up = loop.call_later(self.queue_timeout, self._give_up, job)
         try:
             return await job.answer
         finally:
@@ -157,9 +156,13 @@ class Pool(Scheduler[_Job]):
             self._queue.done(job, 0.0)
         return job
 
+    def _give_up(self, job: _Job) -> None:
+        if job in self._queue:
+            self._shed(job, f"No worker was free within {self.queue_timeout:g} s.")
+
     def _shed(self, job: _Job, detail: str) -> None:
-        if not job.taken and not job.answer.done() and job in self._queue:
-            self._queue.discard(job)
+        self._queue.discard(job)
+        if not job.answer.done():
             job.answer.set_exception(self._overloaded(detail, self._queue.expected_wait(job)))
 
     async def drain(self, grace: float) -> None:

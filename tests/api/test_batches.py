@@ -400,8 +400,9 @@ def test_a_bad_record_neither_refuses_new_batches_nor_stops_running_ones(inline_
     with inline_app() as client:
         bad = begin(client, body)
         ended(client, bad)
-        place = settings.data_dir / "batches" / bad.rpartition("/")[2]
-        (place / "record.json").write_text(content)
+        record = settings.data_dir / "batches" / bad.rpartition("/")[2] / "record.json"
+        until(lambda: json.loads(record.read_text())["finished"])
+        record.write_text(content)
         for _ in range(2):
             assert ended(client, begin(client, body, body))["done"] == 2
         assert client.get(bad).status_code == 404

@@ -12,14 +12,14 @@ class Simulation:
     """Workers that take as long for a job as the test says, in simulated time."""
 
     def __init__(self, size, patience=1.0):
-        self.queue = FairQueue(size, patience)
+        self.queue = FairQueue(size, patience, clock=lambda: self.now)
         self.running = []
         self.now = 0.0
         self.served = Counter()
         self.waits = {}
 
-    def ask(self, client, seconds, foreseen=None, at_most=None):
-        ticket = Ticket(client=client, foreseen=foreseen, at_most=at_most)
+    def ask(self, client, seconds, foreseen=None):
+        ticket = Ticket(client=client, foreseen=foreseen)
         self.queue.add(ticket)
         self.waits[ticket] = (self.now, seconds)
         self.begin()
@@ -92,8 +92,10 @@ def test_nobody_holds_more_than_the_share_while_others_wait(size, clients):
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
-def test_a_clients_long_jobs_leave_a_worker_free_if_there_are_two(size):
+def test_a_clients_long_jobs_leave_a_worker_free_while_others_are_about(size):
     simulation = Simulation(size)
+    simulation.ask("short", 0.1)
+    simulation.step()
     for _ in range(size + 3):
         simulation.ask("long", 30.0, foreseen=30.0)
     assert simulation.holders() == {"long": max(1, size - 1)}
@@ -101,8 +103,50 @@ def test_a_clients_long_jobs_leave_a_worker_free_if_there_are_two(size):
         assert simulation.waits[simulation.ask("short", 0.1)] == 0.0
 
 
+def test_a_client_that_is_alone_uses_all_workers_for_long_jobs_too():
+    simulation = Simulation(2)
+    simulation.ask("other", 0.1)
+    simulation.step()
+    for _ in range(6):
+        simulation.ask("long", 30.0, foreseen=30.0)
+    assert simulation.holders() == {"long": 1}
+    for _ in range(3):
+        simulation.step()
+    assert simulation.now > 60
+    assert simulation.holders() == {"long": 2}
+
+
+@pytest.mark.parametrize("foreseen", [30.0, None])
+def test_if_another_client_waits_the_newest_long_job_beyond_the_share_is_to_stop(foreseen):
+    simulation = Simulation(2)
+    first = simulation.ask("long", 30.0, foreseen=foreseen)
+    simulation.now += 0.5
+    newest = simulation.ask("long", 30.0, foreseen=foreseen)
+    assert simulation.queue.excess("long") is None
+    simulation.now += 2.0
+    simulation.ask("other", 0.1)
+    assert simulation.queue.excess("other") is newest
+    assert simulation.queue.excess("other") is None  # the other one is within the share
+    assert first in simulation.queue._busy["long"].running
+
+
+def test_nothing_stops_that_is_short_or_within_its_clients_share():
+    simulation = Simulation(2)
+    for client in ("one", "two"):
+        simulation.ask(client, 30.0, foreseen=30.0)
+    simulation.ask("three", 0.1)
+    assert simulation.queue.excess("three") is None
+    simulation = Simulation(2)
+    for _ in range(4):
+        simulation.ask("one", 0.5)
+    simulation.ask("two", 0.1)
+    assert simulation.queue.excess("two") is None
+
+
 def test_a_clients_short_jobs_pass_its_own_long_ones():
     simulation = Simulation(2)
+    simulation.ask("other", 0.1)
+    simulation.step()
     for _ in range(3):
         simulation.ask("one", 30.0, foreseen=30.0)
     assert simulation.waits[simulation.ask("one", 0.1)] == 0.0
@@ -113,6 +157,8 @@ def test_jobs_are_long_when_half_of_their_clients_jobs_were_of_late_and_one_of_m
     for _ in range(2):
         simulation.ask("one", 5.0)
         simulation.step()
+    simulation.ask("two", 0.1)
+    simulation.step()
     simulation.ask("one", 5.0)
     simulation.ask("one", 5.0)
     assert simulation.holders() == {"one": 1}
@@ -124,15 +170,6 @@ def test_jobs_are_long_when_half_of_their_clients_jobs_were_of_late_and_one_of_m
     while simulation.queue.waiting("two") > 10:
         simulation.step()
     assert not simulation.queue._is_long(simulation.queue._client("two"), Ticket(client="two"))
-
-
-def test_the_first_jobs_of_a_client_are_long_if_they_may_take_long():
-    simulation = Simulation(2)
-    for _ in range(3):
-        simulation.ask("new", 0.1, at_most=30.0)
-    assert simulation.holders() == {"new": 1}
-    simulation.step()
-    assert simulation.holders() == {"new": 2}  # the first was short, so the others may be
 
 
 def test_a_job_that_was_not_taken_is_the_next_of_its_client_and_costs_nothing():

@@ -132,7 +132,7 @@ def test_the_places_are_shared_so_that_one_client_cannot_take_them_all():
 
 
 def test_short_jobs_are_taken_while_long_ones_leave_a_worker_free():
-    pool = Busy([0.05] * 200)
+    pool = Busy([0.05] * 200)  # of a client that is still about
     assert pool.taken(client="long", foreseen=30.0)[1].details["retry_after"] >= 30
     assert pool.queued == 2
     for client in ("long", "other"):
