@@ -1,8 +1,8 @@
 """A queue that is fair between clients: start-time fair queueing (Goyal, Vin and Cheng, 1997) for workers.
 
 Each client has a virtual time, which advances by the seconds that its jobs keep workers. A free worker takes
-a job of the client whose virtual time is least; a client's own jobs are taken in order of arrival. A job keeps
-its worker until it is done, so three limits are added:
+a job of the client whose virtual time is least; a client's own jobs are taken in order of arrival. A job
+keeps its worker until it is done, so three limits are added:
 
 - While others wait, a client that holds its share of the workers comes after them. The share is the number of
   workers over the number of clients that have jobs, rounded up.
@@ -62,9 +62,9 @@ T = TypeVar("T", bound=Ticket)
 
 @dataclass(eq=False, slots=True)
 class _Client(Generic[T]):
-    """virtual: its virtual time, s; typical: what its jobs took of late, s; running: its jobs that workers do,
-    unless these were asked to stop; held: all of them; left: when it last had none; unknown: its jobs that
-    nothing is foreseen of; short and long: s foreseen of the others."""
+    """virtual: its virtual time, s; typical: what its jobs took of late, s; running: its jobs that workers
+    do, unless these were asked to stop; held: how many these and those are; left: when it last had no job;
+    unknown: its jobs that nothing is foreseen of; short and long: s foreseen of the others."""
 
     virtual: float = 0.0
     typical: float | None = None

@@ -145,14 +145,12 @@ class Scheduler(ABC, Generic[T]):
         """`run`, of a job that is let in."""
 
     def _insist(self, ticket: T) -> None:
-        """While this job waits for longer than queue_wait: stops jobs of clients that hold too many workers."""
+        """Each queue_wait that this job waits: stops a job of a client that holds more than its share."""
 
         def look() -> None:
             if ticket in self._queue:
                 if (excess := self._queue.excess(ticket.client)) is not None:
-                    self._shed(
-                        excess, "The plan was stopped: another client waits, and you hold its workers."
-                    )
+                    self._shed(excess, "The plan was stopped for another client, who waits for a worker.")
                 self._insist(ticket)
 
         asyncio.get_running_loop().call_later(self.queue_wait, look)

@@ -48,16 +48,6 @@ def test_four_long_plans_of_one_client_do_not_keep_another_waiting(shared):
         connection.close()
 
 
-def test_a_long_plan_that_was_stopped_for_another_client_is_told_to_come_again(shared):
-    joins = [in_background(shared.call, "/v1/plans", slow(8.0)) for _ in range(2)]
-    until(lambda: shared.metric("wheelplan_workers_idle") == 0)
-    assert shared.plan(QUICK, **{"X-Forwarded-For": "192.0.2.10"}) == (200, None)
-    answers = sorted((join() for join in joins), key=lambda answer: answer[0])
-    assert [answer[0] for answer in answers] == [200, 429]
-    assert int(answers[1][1]["retry-after"]) >= 1
-    assert "another client waits" in json.loads(answers[1][2])["detail"]
-
-
 def test_long_plans_of_a_client_do_not_keep_its_own_quick_ones_waiting(shared):
     assert shared.plan(QUICK, **{"X-Forwarded-For": "192.0.2.11"}) == (200, None)
     connections = [shared.open(LONG, by("192.0.2.3")) for _ in range(4)]
@@ -113,12 +103,38 @@ def test_an_address_that_anybody_may_state_is_not_believed_unless_told_to(tmp_pa
             connection.close()
 
 
-def test_clients_are_told_apart_by_their_token(tmp_path):
+def test_clients_are_told_apart_by_token_and_a_plan_that_is_stopped_for_another_is_told_to_come_again(
+    tmp_path,
+):
     (tmp_path / "tokens").write_text("one\nother\n")
     with serving(tmp_path, "one", workers=2, tokens_file=tmp_path / "tokens") as server:
-        connections = [server.open(LONG, "Authorization: Bearer one") for _ in range(2)]
+
+        def ask():
+            return server.call("/v1/plans", slow(10.0), Authorization="Bearer one")
+
+        joins = [in_background(ask) for _ in range(2)]
         until(lambda: server.metric("wheelplan_workers_idle") == 0)
         assert server.plan(QUICK, Authorization="Bearer other") == (200, None)
-        assert server.metric('wheelplan_workers_lost_total{reason="cancelled"}') == 1
-        for connection in connections:
-            connection.close()
+        answers = sorted((join() for join in joins), key=lambda answer: answer[0])
+        assert [answer[0] for answer in answers] == [200, 429]
+        assert int(answers[1][1]["retry-after"]) >= 1
+        assert "another client" in json.loads(answers[1][2])["detail"]
+
+
+def test_a_silent_answer_gives_a_sign_of_life_every_ten_seconds(tmp_path):
+    with serving(tmp_path, workers=2) as server:
+        path = server.call("/v1/batches", {"requests": [slow(14.0)]})[1]["location"]
+        results = in_background(server.call, f"{path}/results")
+        connection = server.open(slow(24.0), "Accept: text/event-stream")
+        until(lambda: server.metric("wheelplan_workers_idle") == 0)
+        pieces, silence, last = [], [], time.monotonic()
+        while piece := connection.recv(1 << 20):
+            silence.append(time.monotonic() - last)
+            last = time.monotonic()
+            pieces.append(piece)
+            if b'"final":true' in b"".join(pieces):
+                break
+        connection.close()
+        assert max(silence) < 11.0
+        assert b"\n: still planning\n\n" in b"".join(pieces)
+        assert results()[2].startswith(b"\n{")
