@@ -103,7 +103,7 @@ def test_an_address_that_anybody_may_state_is_not_believed_unless_told_to(tmp_pa
             connection.close()
 
 
-def test_clients_are_told_apart_by_token_and_a_plan_that_is_stopped_for_another_is_told_to_come_again(
+def test_clients_are_told_apart_by_token_and_a_plan_stopped_for_another_is_told_so(
     tmp_path,
 ):
     (tmp_path / "tokens").write_text("one\nother\n")
