@@ -119,22 +119,3 @@ def test_clients_are_told_apart_by_token_and_a_plan_stopped_for_another_is_told_
         assert [answer[0] for answer in answers] == [200, 429]
         assert int(answers[1][1]["retry-after"]) >= 1
         assert "another client" in json.loads(answers[1][2])["detail"]
-
-
-def test_a_silent_answer_gives_a_sign_of_life_every_ten_seconds(tmp_path):
-    with serving(tmp_path, workers=2) as server:
-        path = server.call("/v1/batches", {"requests": [slow(14.0)]})[1]["location"]
-        results = in_background(server.call, f"{path}/results")
-        connection = server.open(slow(24.0), "Accept: text/event-stream")
-        until(lambda: server.metric("wheelplan_workers_idle") == 0)
-        pieces, silence, last = [], [], time.monotonic()
-        while piece := connection.recv(1 << 20):
-            silence.append(time.monotonic() - last)
-            last = time.monotonic()
-            pieces.append(piece)
-            if b'"final":true' in b"".join(pieces):
-                break
-        connection.close()
-        assert max(silence) < 11.0
-        assert b"\n: still planning\n\n" in b"".join(pieces)
-        assert results()[2].startswith(b"\n{")
