@@ -96,10 +96,12 @@ class Cluster(Scheduler[_Turn]):
             given=asyncio.get_running_loop().create_future(),
         )  # fmt: skip
         self._queue.add(turn)
-        self._insist(turn)
+        self._wake()
+        insisting = asyncio.create_task(self._insist(turn))
         job = turn.job = asyncio.create_task(
             self._carry(turn, pickle.dumps((function, args)), deadline, progress)
         )
+        job.add_done_callback(lambda _: self._leave(turn))  # also of a job that is cancelled before it begins
         self._jobs.add(job)
         try:
             return await job
@@ -110,6 +112,7 @@ class Cluster(Scheduler[_Turn]):
                 raise Refusal("draining", "Stopped by a shutdown.", retry_after=RETRY_AFTER) from None
             raise
         finally:
+            insisting.cancel()
             self._jobs.discard(job)
 
     async def drain(self, grace: float) -> None:
@@ -164,10 +167,7 @@ class Cluster(Scheduler[_Turn]):
 
     def _wake(self) -> None:
         while self.spare and (turn := self._queue.next()) is not None:
-            if turn.given.done():
-                self._queue.done(turn, 0.0)
-            else:
-                turn.given.set_result(None)
+            turn.given.set_result(None)
 
     def _shed(self, turn: _Turn, detail: str) -> None:
         self._queue.discard(turn)
@@ -178,29 +178,19 @@ class Cluster(Scheduler[_Turn]):
             turn.refusal = refusal
             turn.job.cancel()
 
-    async def _take_turn(self, turn: _Turn) -> None:
-        self._wake()
-        try:
-            await asyncio.wait({turn.given}, timeout=self.queue_timeout)
-            if not turn.given.done():
-                self._shed(turn, f"No worker was free within {self.queue_timeout:g} s.")
-            turn.given.result()
-        except BaseException:
-            if turn.given.done() and turn.given.exception() is None:  # it was given and not taken
-                self._end_turn(turn, 0.0)
-            raise
-        finally:
-            self._queue.discard(turn)
-
-    def _end_turn(self, turn: _Turn, seconds: float) -> None:
-        self._queue.done(turn, seconds)
-        self._wake()
+    def _leave(self, turn: _Turn) -> None:
+        self._queue.discard(turn)
+        if turn.given.done() and turn.given.exception() is None:
+            self._queue.done(turn, time.monotonic() - turn.begun)
+            self._wake()
 
     async def _carry(
         self, turn: _Turn, payload: bytes, deadline: float, progress: Callable[[Any], None] | None
     ) -> Any:
-        await self._take_turn(turn)
-        began = time.monotonic()
+        await asyncio.wait({turn.given}, timeout=self.queue_timeout)
+        if not turn.given.done():
+            self._shed(turn, f"No worker was free within {self.queue_timeout:g} s.")
+        turn.given.result()
         try:
             return await self._have_done(payload, deadline, progress)
         except Refusal as refusal:
@@ -210,8 +200,6 @@ class Cluster(Scheduler[_Turn]):
         except asyncio.CancelledError:
             self._count("cancelled")
             raise
-        finally:
-            self._end_turn(turn, time.monotonic() - began)
 
     def _count(self, loss: Loss) -> None:
         self.losses[loss] += 1

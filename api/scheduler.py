@@ -144,16 +144,12 @@ class Scheduler(ABC, Generic[T]):
     ) -> Any:
         """`run`, of a job that is let in."""
 
-    def _insist(self, ticket: T) -> None:
+    async def _insist(self, ticket: T) -> None:
         """Each queue_wait that this job waits: stops a job of a client that holds more than its share."""
-
-        def look() -> None:
-            if ticket in self._queue:
-                if (excess := self._queue.excess(ticket.client)) is not None:
-                    self._shed(excess, "The plan was stopped for another client, who waits for a worker.")
-                self._insist(ticket)
-
-        asyncio.get_running_loop().call_later(self.queue_wait, look)
+        while True:
+            await asyncio.sleep(self.queue_wait)
+            if ticket in self._queue and (excess := self._queue.excess(ticket.client)) is not None:
+                self._shed(excess, "The plan was stopped for another client, who waits for a worker.")
 
     @abstractmethod
     def _shed(self, ticket: T, detail: str) -> None:

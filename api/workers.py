@@ -45,7 +45,7 @@ class _Job(Ticket):
     deadline: float
     answer: asyncio.Future[Any]
     progress: Callable[[Any], None] | None
-    begun: int
+    arrived: int
     taken: int = 0
 
     def reported(self, value: Any) -> None:
@@ -131,16 +131,17 @@ class Pool(Scheduler[_Job]):
         job = _Job(
             client=asked.client, foreseen=asked.foreseen,
             payload=pickle.dumps((function, args, progress is not None)), deadline=deadline,
-            answer=loop.create_future(), progress=progress, begun=time.time_ns(),
+            answer=loop.create_future(), progress=progress, arrived=time.time_ns(),
         )  # fmt: skip
         self._unanswered.add(job.answer)
         self._queue.add(job)
         self._dispatch()
-        self._insist(job)
+        insisting = asyncio.create_task(self._insist(job))
         giving_up = loop.call_later(self.queue_timeout, self._give_up, job)
         try:
             return await job.answer
         finally:
+            insisting.cancel()
             giving_up.cancel()
             self._unanswered.discard(job.answer)
             self._queue.discard(job)
@@ -338,7 +339,7 @@ class Pool(Scheduler[_Job]):
 def _trace(job: _Job) -> None:
     """The stages of a job, as children of the request's span. Without an OpenTelemetry SDK: nothing."""
     now = time.time_ns()
-    _tracer.start_span("queue", start_time=job.begun).end(job.taken or now)
+    _tracer.start_span("queue", start_time=job.arrived).end(job.taken or now)
     if job.taken:
         _tracer.start_span("plan", start_time=job.taken).end(now)
 
