@@ -59,7 +59,7 @@ def test_the_old_worker_does_jobs_until_its_replacement_is_up():
 
 def test_a_worker_that_leaks_is_replaced_before_it_comes_to_its_memory_limit():
     async def promise(pool):
-        pids = [await pool.run(eval, LEAK % (32 << 20), deadline=20) for _ in range(60)]
+        pids = [await pool.run(eval, LEAK % (8 << 20), deadline=20) for _ in range(250)]
         assert len(set(pids)) >= 3
         assert pool.losses == {}
 
