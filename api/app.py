@@ -38,6 +38,7 @@ from api.batches import Batches
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
+from api.fair_queue import Ticket
 from api.log import log
 from api.maps import MapStore
 from api.metrics import Metrics
@@ -73,7 +74,7 @@ _PROGRESS = 5.0
 """Seconds between two lines about the compilation of kernels."""
 
 
-def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
+def create_app(settings: Settings, pool: Scheduler[Any] | None = None) -> FastAPI:
     """The service as an ASGI application. The pool is started and closed with it."""
     workers = pool or scheduler_of(settings)
 
@@ -122,7 +123,7 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     return app
 
 
-def scheduler_of(settings: Settings) -> Scheduler:
+def scheduler_of(settings: Settings) -> Scheduler[Any]:
     """The scheduler that the settings ask for. Raises ValueError."""
     address = settings.scheduler
     if not address:
@@ -157,7 +158,7 @@ def _log_progress() -> Callable[[int, int], None]:
     return progress
 
 
-def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
+def _batches(app: FastAPI, scheduler: Scheduler[Any]) -> Batches:
     settings: Settings = app.state.settings
 
     def read(request: Any, held: ExitStack) -> PlanProblem:
@@ -165,15 +166,17 @@ def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
         find_map = held.enter_context(app.state.maps.leased())
         return to_problem(asked, find_map, settings.max_time_budget)
 
-    async def plan(problem: PlanProblem) -> bytes:
+    async def plan(problem: PlanProblem, ticket: Ticket) -> bytes:
         with app.state.maps.leased() as find_map:
             if problem.environment.map is not None:
                 find_map(problem.environment.map.id)
-            made = await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)
+            made = await routes_plans.answered(
+                app.state, problem, ticket, answer_plan, "application/json", False
+            )
             return made.body
 
     store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
-    return Batches(scheduler, store, read, plan, settings.max_batches)
+    return Batches(scheduler, store, read, routes_plans.ticket_for, plan, settings.max_batches)
 
 
 async def _refused(_: Request, error: Exception) -> Response:

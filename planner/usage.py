@@ -147,7 +147,7 @@ def _speeds(twist: Array, linear: float, angular: float, factors: Array) -> None
 @kernel
 def _pushes(step: Array, twist: Array, along: float, across: float, factors: Array) -> None:
     """Raise factors (n,) to what the body's accelerations along and across its velocity ask for, where
-    intervals begin and end, and in the middle: of the quadratics through the twists (3n, 3) at their nodes."""
+    intervals begin, end, and are halfway: of the quadratics through the twists (3n, 3) at their nodes."""
     for i in range(len(factors)):
         for k in range(len(_VALUES)):
             vx = vy = omega = dx = dy = 0.0

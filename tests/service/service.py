@@ -72,9 +72,9 @@ class Server:
         except urllib.error.HTTPError as error:
             return error.code, error.headers, error.read()
 
-    def plan(self, body):
+    def plan(self, body, **headers):
         """(status, problem's code or None) of a plan request."""
-        status, _, answer = self.call("/v1/plans", body)
+        status, _, answer = self.call("/v1/plans", body, **headers)
         return status, json.loads(answer).get("code")
 
     def ready(self):
@@ -98,10 +98,10 @@ class Server:
         connection.sendall(data)
         return connection
 
-    def open(self, body):
-        """A connection that has sent a plan request."""
+    def open(self, body, *lines):
+        """A connection that has sent a plan request. lines: more of its head."""
         data = json.dumps(body).encode()
-        return self.connect(head(f"Content-Length: {len(data)}") + data)
+        return self.connect(head(f"Content-Length: {len(data)}", *lines) + data)
 
     def workers(self):
         """The processes that plan, which are children of the fork server."""
