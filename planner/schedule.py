@@ -16,8 +16,8 @@ __all__ = ["Trajectory", "WheelSchedule", "sample_times", "schedule", "standstil
 class WheelSchedule:
     """A motion sampled at 0, period, 2 period, …, duration (the last step may be shorter).
 
-    time (n,) s; wheel_angle, wheel_velocity (n, m) rad, rad/s; wheel_acceleration (n, m) rad/s², of the cubics
-    through angles and velocities where each interval begins, and where the last one ends; steering_angle,
+    time (n,) s; wheel_angle, wheel_velocity (n, m) rad, rad/s; wheel_acceleration (n, m) rad/s², of the
+    cubics through these where each interval begins, and where the last one ends; steering_angle,
     steering_rate (n, k) rad, rad/s; pose (n, 3) in the world frame, theta continuous; twist (n, 3) in the
     body frame. Columns are in the drive's order of wheels and of steered wheels. At rest at both ends.
     """
