@@ -168,10 +168,12 @@ class LineConnector(Connector):
         return self._fast[0]
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        lines = self.motions(a, b)
-        steered = self._steered(a[:, 2], lines.steps[:, 0, 0])
-        lines = replace(lines, times=np.maximum(lines.times, steered[:, None]))
-        return [lines, self._screws(a, b), *([self._rides(a, b)] if self.flows else [])]
+        lines, screws = self.motions(a, b), self._screws(a, b)
+        steered = self._steered(a[:, 2], lines.steps[:, 0, 0])[:, None]
+        worse = lines.free() & (steered <= lines.times)
+        lines = replace(lines, times=np.maximum(lines.times, steered))
+        screws = replace(screws, times=np.where(worse, np.inf, screws.times))
+        return [lines, screws, *([self._rides(a, b)] if self.flows else [])]
 
     def _steered(self, theta: Array, lines: Array) -> Array:
         """Time (n,) s that wheels are steered for, on lines (n, 3) from poses of headings theta (n,)."""

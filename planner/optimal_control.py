@@ -170,6 +170,7 @@ def solver(shape: Shape) -> Solver:
         after=after / states,
         cost=ca.sumsqr(u[: shape.size]) * effort,
         held=[Rows(motion.changes(at, by, part), -1, 1), Rows(motion.gaps(between, later), 0, math.inf),
+              Rows(motion.steering(at, by, part), 0, math.inf),
               Rows(motion.swings(at, by, part), 0, 0)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
         later=[*motion.speeds(at), Rows(motion.gaps(at, here), 0, math.inf)],
@@ -376,11 +377,22 @@ class _Motion:
             if self.shape.coordinates == "car":
                 a, b = 1 - self.p["y"][i] * at[1], self.p["x"][i] * at[1]
                 values.append(self.p["x"][i] / (a**2 + b**2) * change[1] * self.p["steering"])
-            else:
-                px, py = vx - self.p["y"][i] * omega, vy + self.p["x"][i] * omega
-                ax, ay = change[0] - self.p["y"][i] * change[2], change[1] + self.p["x"][i] * change[2]
-                values.append((px * ay - py * ax) / (px**2 + py**2 + _STILL) * self.p["steering"])
         return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change, beta), ca.vertcat(q, r, angles))]
+
+    def steering(self, x: Any, u: Any, part: Any) -> list[Any]:
+        """What is positive if wheels that stand along their own velocity p are steered slowly enough, at both
+        ends of the interval after a knot: |p × p′| <= rate·|p|²."""
+        if self.shape.coordinates != "twist" or self.shape.trail:
+            return []
+        rows = []
+        for share in (0.0, 1.0):
+            q, r = self._later(x, u, share * part * x[-1])
+            for i in range(self.shape.steered):
+                px, py = q[0] - self.p["y"][i] * q[2], q[1] + self.p["x"][i] * q[2]
+                ax, ay = r[0] - self.p["y"][i] * r[2], r[1] + self.p["x"][i] * r[2]
+                across, most = (px * ay - py * ax) * self.p["steering"], px**2 + py**2 + _STILL
+                rows += [most - across, most + across]
+        return rows
 
     def _pushes(self, q: Any, r: Any) -> list[Any]:
         """Rows that limit how the speed of the body origin changes, and its acceleration across."""
