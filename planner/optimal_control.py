@@ -369,7 +369,7 @@ class _Motion:
         if shape.jerk:
             jerk = ca.jtimes(acceleration, state, moved) + ca.jtimes(acceleration, change, u)
             values.append(jerk * self.p["jerk"])
-        vx, vy, omega = self.twist(at)
+        _, _, omega = self.twist(at)
         if shape.coordinates != "twist":
             values.append(change[0] * self.p["body"][2])
         values.append(swing * self.p["steering"])
