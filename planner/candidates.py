@@ -214,8 +214,10 @@ def _first(
         for path in _direct(problem.start, quick, goals):
             yield "direct", path
         # If the limits forbid the direct ways, a search finds no better ones.
-        if refused is None:
-            yield from paths
+        searches = refused is None
+        # Not `yield from`: it would close the search, which goes on later.
+        while searches and (searched := next(paths, None)) is not None:
+            yield searched
 
     for planner, path in found():
         watch.lap("search")
