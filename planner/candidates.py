@@ -258,7 +258,9 @@ def _ways(
     yield from (_Way("direct", path, path) for path in direct)
     turns_back = all(reversals(path) for path in direct)
     # On an open floor no way is better than a direct one.
-    if direct and (not turns_back or is_far(direct[0], problem.robot, local.world)):
+    if direct and is_far(direct[0], problem.robot, local.world):
+        return
+    if direct and not (turns_back or _is_slow(direct, problem, local, goals)):
         return
     if direct:
         search.allowance = _WORK
@@ -283,6 +285,17 @@ def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> P
         return path
     others = [shorten(other, quick) for other in search.others(watch.is_over)]
     return min([path, *others], key=quick.duration)
+
+
+def _is_slow(direct: list[Path], problem: Problem, local: Connector, goals: list[Pose]) -> bool:
+    """Whether free direct ways take longer than the quickest direct way that is not free: a way round what
+    blocks that one may be quicker."""
+    tried = local.direct(np.repeat([problem.start], len(goals), 0), np.array(goals))
+    quickest = min(tried, key=lambda motions: float(motions.times.min(initial=math.inf)))
+    pair, way = np.unravel_index(np.argmin(quickest.times), quickest.times.shape)
+    drive, limits = problem.robot.drive, problem.robot.limits
+    least = flowing_time(quickest.path(int(pair), int(way)), drive, limits)
+    return min(flowing_time(path, drive, limits) for path in direct) > _OVER * least
 
 
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:
