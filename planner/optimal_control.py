@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from time import perf_counter
 from typing import Any, Literal
 
 import casadi as ca
@@ -25,7 +25,7 @@ import numpy as np
 from drives.se2 import Array
 from planner.stagewise import Program, Rows, Stage, program
 
-__all__ = ["Shape", "Solver", "solver"]
+__all__ = ["Shape", "Solver", "build_time", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
@@ -35,6 +35,9 @@ exceeded by."""
 _EFFORT = 1e-3
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
 settles what would be undetermined."""
+
+_KEPT = 32
+"""Solvers at most."""
 
 _TOLERANCE, _BARRIER = 1e-5, 3e-4
 """Of interior_point.solve: from a larger barrier a motion first doubles its duration; from a smaller one,
@@ -152,9 +155,37 @@ class Solver:
         return None if found is None else (found[0] * states, found[1] * unit)
 
 
-@lru_cache(maxsize=32)
-def solver(shape: Shape) -> Solver:
-    """The solver for a shape, built when first asked for (0.03 to 0.1 s; casters of limited jerk, 0.4 s)."""
+class _Solvers:
+    """Solvers, each built when first asked for, and the latest ones kept."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Shape, Solver] = {}
+        self._slow = 1.0
+        """Time that the last one took to build over what was expected of an idle machine."""
+
+    def solver(self, shape: Shape) -> Solver:
+        """The solver for a shape, built if it is not kept (see build_time)."""
+        if shape not in self._kept:
+            begin = perf_counter()
+            built = _built(shape)
+            self._slow = (perf_counter() - begin) / _usual_time(shape)
+            if len(self._kept) == _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[shape] = built
+        return self._kept[shape]
+
+    def build_time(self, shape: Shape) -> float:
+        """About how long (s) it takes until the solver for a shape is built; 0 if it is kept."""
+        return 0.0 if shape in self._kept else _usual_time(shape) * max(self._slow, 1.0)
+
+
+def _usual_time(shape: Shape) -> float:
+    """About how long (s) it takes to build a solver: 0.02 s, casters of limited jerk up to 1 s."""
+    wheels = 1.0 + shape.steered + 0.1 * shape.planes
+    return 0.02 * wheels * (3 if shape.jerk and shape.steered else 1) * (2 if shape.trail else 1)
+
+
+def _built(shape: Shape) -> Solver:
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
     scale, unit = shape.units(symbols["knots"])
@@ -178,6 +209,10 @@ def solver(shape: Shape) -> Solver:
         last_cost=x[-1],
     )  # fmt: skip
     return Solver(shape, program(stage, _TOLERANCE, _BARRIER))
+
+
+_SOLVERS = _Solvers()
+solver, build_time = _SOLVERS.solver, _SOLVERS.build_time
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {
