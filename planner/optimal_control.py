@@ -52,7 +52,8 @@ class Shape:
     to at every knot, and once between it and the next. jerk: whether wheel jerks are limited. given: what of
     the state it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature.
     forward: whether it must not go backwards. trail: whether steered wheels are casters. pushes: whether a
-    twist's accelerations along and across its velocity are limited.
+    twist's accelerations along and across its velocity are limited. slow: whether the steering rates of
+    wheels that stand along their own velocity are held at the ends of intervals, not in the middle.
     """
 
     coordinates: Literal["twist", "unicycle", "car"]
@@ -64,6 +65,7 @@ class Shape:
     forward: bool
     trail: bool
     pushes: bool
+    slow: bool = False
 
     @property
     def size(self) -> int:
@@ -404,7 +406,6 @@ class _Motion:
         if shape.jerk:
             jerk = ca.jtimes(acceleration, state, moved) + ca.jtimes(acceleration, change, u)
             values.append(jerk * self.p["jerk"])
-        _, _, omega = self.twist(at)
         if shape.coordinates != "twist":
             values.append(change[0] * self.p["body"][2])
         values.append(swing * self.p["steering"])
@@ -412,21 +413,26 @@ class _Motion:
             if self.shape.coordinates == "car":
                 a, b = 1 - self.p["y"][i] * at[1], self.p["x"][i] * at[1]
                 values.append(self.p["x"][i] / (a**2 + b**2) * change[1] * self.p["steering"])
+            elif not shape.slow:
+                across, square = self._across(i, at, change)
+                values.append(across / (square + _STILL) * self.p["steering"])
         return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change, beta), ca.vertcat(q, r, angles))]
 
+    def _across(self, i: int, q: Any, r: Any) -> tuple[Any, Any]:
+        """p × p′ and |p|² of a steered wheel whose velocity is p."""
+        px, py = q[0] - self.p["y"][i] * q[2], q[1] + self.p["x"][i] * q[2]
+        ax, ay = r[0] - self.p["y"][i] * r[2], r[1] + self.p["x"][i] * r[2]
+        return px * ay - py * ax, px**2 + py**2
+
     def steering(self, x: Any, u: Any, part: Any) -> list[Any]:
-        """What is positive if wheels that stand along their own velocity p are steered slowly enough, at both
-        ends of the interval after a knot: |p × p′| <= rate·|p|²."""
-        if self.shape.coordinates != "twist" or self.shape.trail:
-            return []
+        """What is positive if wheels whose velocity is p are steered slowly enough, at both ends of the
+        interval after a knot, where they are steered fastest: |p × p′| <= rate·|p|²."""
         rows = []
-        for share in (0.0, 1.0):
-            q, r = self._later(x, u, share * part * x[-1])
+        for share in (0.0, 1.0) if self.shape.slow else ():
             for i in range(self.shape.steered):
-                px, py = q[0] - self.p["y"][i] * q[2], q[1] + self.p["x"][i] * q[2]
-                ax, ay = r[0] - self.p["y"][i] * r[2], r[1] + self.p["x"][i] * r[2]
-                across, most = (px * ay - py * ax) * self.p["steering"], px**2 + py**2 + _STILL
-                rows += [most - across, most + across]
+                across, square = self._across(i, *self._later(x, u, share * part * x[-1]))
+                across, square = across * self.p["steering"], square + _STILL
+                rows += [square - across, square + across]
         return rows
 
     def _pushes(self, q: Any, r: Any) -> list[Any]:

@@ -47,6 +47,8 @@ _ON_GRID = 1.05
 """By what factor a motion may become longer when it is put on the client's grid."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
+_TURNS = 4.0
+"""Steering (rad) that is slow, if a motion has no time for more."""
 _BUILDING = 1.3
 """Factor of the time that building a solver is expected to take, until which must be left."""
 _STEP = 0.01
@@ -276,6 +278,8 @@ class Optimizer:
             jerk=self._is_jerk_limited, given=begin.given,
             forward=not self.problem.options.reverse, trail=law.trail > 0,
             pushes=self._coordinates == "twist" and min(pushes) < math.inf,
+            slow=self._coordinates == "twist" and len(steered) > 0 and law.trail == 0.0
+            and limits.steering_rate * float(guess.time[-1]) < _TURNS,
         )  # fmt: skip
         building = build_time(shape)
         if building > 0.0 and self.is_over(_BUILDING * building + self.longest):
