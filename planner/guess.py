@@ -102,7 +102,9 @@ def flowing(path: Curves, drive: Drive, limits: Limits, coordinates: Coordinates
     time = _knots(cruise[-1] + ramp, drive, limits, knots)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
     middle = time - ramp / 2
-    within = (_passed(cruise[-1], middle + ramp / 2) - _passed(cruise[-1], middle - ramp / 2)) / ramp
+    within = np.clip(middle, 0.0, cruise[-1])
+    if share < 1.0:
+        within = (_passed(cruise[-1], middle + ramp / 2) - _passed(cruise[-1], middle - ramp / 2)) / ramp
     there = np.stack([np.interp(within, cruise, column) for column in pose.T], -1)
     rates = _smoothed(cruise, twist, middle, ramp, rest=True)
     match coordinates:
