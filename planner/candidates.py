@@ -108,7 +108,7 @@ def candidates(
     if effort == "good":
         return
     # Other draws than those of the first search.
-    search = Search(local, problem.environment, problem.start, goals, problem.options.seed + _DRAWS)
+    search.seed, search.allowance = search.seed + _DRAWS, None
     known: set[float] = set()
     for planner, path in chain([(way.planner, way.found) for way in ways], search.paths(watch.is_over)):
         watch.lap("search")

@@ -32,9 +32,10 @@ from planner.guess import (
     way_length,
 )  # fmt: skip
 from planner.horizon import WINDOW, State, receding
-from planner.optimal_control import Shape, build_time, solver
+from planner.optimal_control import build_time, solver
 from planner.problem import Problem
 from planner.retime import hastened
+from planner.shape import Shape
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
