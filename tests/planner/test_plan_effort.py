@@ -13,7 +13,7 @@ import pytest
 
 from planner.plan import Plan, plan
 from planner.problem import Environment, Problem
-from tests.planner.plans import JOURNEYS, Ask, closes, every_drive, keeps_limits
+from tests.planner.plans import JOURNEYS, KINDS, Ask, closes, keeps_limits
 
 DIGEST = """
 import hashlib, pickle, sys
@@ -54,8 +54,9 @@ def test_same_seed_same_plan_bit_for_bit_in_any_process(ask: Ask, clutter: Envir
 
 
 @pytest.mark.parametrize("scene", list(JOURNEYS))
-@pytest.mark.parametrize("reverse", [True, False])
-@every_drive
+@pytest.mark.parametrize(
+    ("kind", "reverse"), [*((kind, True) for kind in KINDS), ("ackermann", False), ("omni", False)]
+)
 def test_more_effort_never_gives_a_slower_plan(
     ask: Ask, clutter: Environment, floor: Environment, kind: str, reverse: bool, scene: str
 ) -> None:
