@@ -31,9 +31,10 @@ from planner.guess import (
     way_length,
 )  # fmt: skip
 from planner.horizon import WINDOW, State, receding
-from planner.optimal_control import Shape, solver
+from planner.optimal_control import build_time, solver
 from planner.problem import Problem
 from planner.retime import hastened
+from planner.shape import Shape
 from planner.stopwatch import now
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
@@ -47,6 +48,10 @@ _ON_GRID = 1.05
 """By what factor a motion may become longer when it is put on the client's grid."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
+_TURNS = 4.0
+"""Steering (rad) that is slow, if a motion has no time for more."""
+_BUILDING = 1.3
+"""Factor of the time that building a solver is expected to take, until which must be left."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 _INSIDE = np.linspace(0.1, 0.9, 9)
@@ -274,7 +279,12 @@ class Optimizer:
             jerk=self._is_jerk_limited, given=begin.given,
             forward=not self.problem.options.reverse, trail=law.trail > 0,
             pushes=self._coordinates == "twist" and min(pushes) < math.inf,
+            slow=self._coordinates == "twist" and len(steered) > 0 and law.trail == 0.0
+            and limits.steering_rate * float(guess.time[-1]) < _TURNS,
         )  # fmt: skip
+        building = build_time(shape)
+        if building > 0.0 and self.is_over(_BUILDING * building + self.longest):
+            return None
         # Units: the extent of the motion and its present duration. The origin is where it begins.
         length = max(float(np.ptp(guess.pose[:, :2], axis=0).max()), 0.3)
         time = float(guess.time[-1])
@@ -315,9 +325,10 @@ class Optimizer:
         first = np.column_stack([
             (guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), angles, np.ones(n + 1),
         ])  # fmt: skip
-        begin_of_solve = now()
         change = (np.diff(rates if shape.jerk else q, axis=0).T / np.diff(at)).T
-        answer = solver(shape).solve(parameters, first, np.column_stack([change, swung]), self.iterations)
+        built = solver(shape)
+        begin_of_solve = now()
+        answer = built.solve(parameters, first, np.column_stack([change, swung]), self.iterations)
         self._took.append(now() - begin_of_solve)
         if answer is None:
             return None
