@@ -115,8 +115,9 @@ def _with_effort(case: Case, effort: str) -> Case:
 
 def use_processor_time() -> None:
     """Lets time budgets count the processor time of this process, so that others on the machine do not."""
-    stopwatch.time = types.SimpleNamespace(perf_counter=time.process_time)  # type: ignore[assignment]
-    optimize.perf_counter = time.process_time  # type: ignore[attr-defined]
+    clock = types.SimpleNamespace(perf_counter=time.process_time)
+    setattr(stopwatch, "time", clock)  # noqa: B010
+    setattr(optimize, "perf_counter", time.process_time)  # noqa: B010
 
 
 @functools.cache
