@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.fuzz.kinematics import HOLONOMIC, Array, Wheel, steered_names, wheels
 from benchmarks.fuzz.robot import log_uniform, reach, smallest_radius
 
-__all__ = ["Motion", "Piece", "draw_motion"]
+__all__ = ["Motion", "Piece", "aimed_at", "bounds", "draw_motion", "ramps", "steering_time"]
 
 _STEPS = 4000
 """Places along a piece at which a caster's swing is looked at."""
@@ -72,11 +72,11 @@ class Motion:
                 assert now is not None
                 lasting, now = _by_casters(drive, limits, piece, now, period)
             else:
-                aimed = _aimed(drive, limits, piece, now)
+                aimed = aimed_at(drive, limits, piece, now)
                 if now is not None and len(aimed):
-                    total += _steering_time(float(np.abs(aimed - now).max()), limits["steering_rate"], period)
+                    total += steering_time(float(np.abs(aimed - now).max()), limits["steering_rate"], period)
                 now = aimed
-                lasting = _stop_to_stop(*_bounds(drive, limits, piece, aimed), period)
+                lasting = sum(ramps(*bounds(drive, limits, piece, aimed), period))
             total += lasting
         return total
 
@@ -127,7 +127,7 @@ def _axis(wheel: Wheel, piece: Piece) -> tuple[float, float]:
     return piece.vx - wheel.y * piece.omega, piece.vy + wheel.x * piece.omega
 
 
-def _aimed(drive: dict[str, Any], limits: dict[str, Any], piece: Piece, now: Array | None) -> Array:
+def aimed_at(drive: dict[str, Any], limits: dict[str, Any], piece: Piece, now: Array | None) -> Array:
     """Steering angles (k,) rad along a piece, of the possible ones those nearest to the present ones."""
     if drive["type"] == "synchro":  # angles turn with theta; none has to be aimed
         return np.zeros(0)
@@ -152,7 +152,7 @@ def _limit(value: Any, name: str) -> float:
     return float(value[name] if isinstance(value, dict) else value)
 
 
-def _bounds(
+def bounds(
     drive: dict[str, Any], limits: dict[str, Any], piece: Piece, steering: Array
 ) -> tuple[float, float, float]:
     """The most that speed, acceleration and jerk along a piece (1/s, 1/s², 1/s³) may be."""
@@ -189,28 +189,31 @@ def _body_bounds(limits: dict[str, Any], piece: Piece) -> tuple[float, float, fl
     return speed, acceleration, math.inf
 
 
-def _stop_to_stop(speed: float, acceleration: float, jerk: float, period: float) -> float:
-    """The time (s) to go from 0 to 1 from rest to rest, changing acceleration on the grid only.
+def ramps(speed: float, acceleration: float, jerk: float, period: float) -> tuple[float, float, float]:
+    """How to go from 0 to 1 from rest to rest, changing acceleration on the grid only, in the shortest time.
 
-    The velocity is a box of length a, smoothed by boxes of lengths b and c: its height is 1/a, its slope
-    1/(a b), its second derivative 1/(a b c), if a >= b + c. All three are whole periods.
+    The velocity is a box of length a (s), smoothed by boxes of lengths b and c: its height is 1/a, its slope
+    1/(a b), its second derivative 1/(a b c), if a >= b + c. All three are whole periods; their sum is the
+    duration.
     """
     longest = 1 / speed + 2 / math.sqrt(acceleration) + (4 / jerk ** (1 / 3) if jerk < math.inf else 0.0)
-    ramps = np.unique(np.ceil(np.geomspace(1.0, max(longest / period, 1.0) + 1, 400))) * period
-    b = ramps[:, None]
+    whole = np.unique(np.ceil(np.geomspace(1.0, max(longest / period, 1.0) + 1, 400))) * period
+    b = whole[:, None]
     if jerk == math.inf:
         c = np.zeros((1, 1))
         a = np.maximum.reduce([1 / speed + 0 * b, 1 / (acceleration * b), b])
     else:
-        c = ramps[None]
+        c = whole[None]
         a = np.maximum.reduce(
             [1 / speed + 0 * b * c, 1 / (acceleration * b) + 0 * c, 1 / (jerk * b * c), b + c]
         )
     a = np.ceil(a / period * (1 - 1e-12)) * period
-    return float((a + b + c).min())
+    total = a + b + c
+    best = np.unravel_index(int(total.argmin()), total.shape)
+    return float(a[best]), float((b + 0 * c)[best]), float((c + 0 * b)[best])
 
 
-def _steering_time(turn: float, rate: float, period: float) -> float:
+def steering_time(turn: float, rate: float, period: float) -> float:
     """The time (s) of a turn (rad) of the steering at rest, whose rate takes a period to rise and to fall."""
     return 0.0 if turn < 1e-12 else (math.ceil(turn / (rate * period)) + 1) * period
 
@@ -248,7 +251,7 @@ def _by_casters(
             speed = min(speed, (snap / 4 / most[2]) ** (1 / 3))
             acceleration = min(acceleration, snap / 12 / (most[1] * speed))
             jerk = min(jerk, snap / 2 / most[0])
-    return _stop_to_stop(speed, acceleration, jerk, period), angles[-1]
+    return sum(ramps(speed, acceleration, jerk, period)), angles[-1]
 
 
 def _swung(px: float, py: float, omega: float, trail: float, begin: float, share: Array) -> Array:

@@ -33,13 +33,14 @@ _EXAMPLE = 0.8
 @dataclass(frozen=True)
 class Case:
     """seed: what it was drawn from. scene: its kind. request: as a client posts it; with a map, its id is set
-    when the map has been stored. known s: a motion that solves it takes no longer."""
+    when the map has been stored. motion: one that solves it; known s: it takes no longer, from stop to stop."""
 
     seed: int
     drive: str
     scene: str
     request: dict[str, Any]
     map: MapFiles | None
+    motion: Motion
     known: float
 
 
@@ -78,7 +79,7 @@ def draw_case(seed: int, scene: str | None = None, quick: bool = False) -> Case:
     if known / options["sample_period"] > _MOST_SAMPLES:
         options["sample_period"] = min(0.1, known / _MOST_SAMPLES)
         known = motion.duration(request)
-    return Case(seed, kind, scene, request, drawn.map, known)
+    return Case(seed, kind, scene, request, drawn.map, motion, known)
 
 
 def _start(rng: np.random.Generator, size: float) -> Any:
