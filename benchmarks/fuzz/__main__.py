@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from benchmarks.fuzz.report import missed_targets, print_report
+from benchmarks.fuzz.report import missed_targets, print_report, remarks
 from benchmarks.fuzz.request import draw_case
 from benchmarks.fuzz.trial import Outcome, Trial, run, try_case, use_processor_time
 from planner.warm_up import warm_up
@@ -74,6 +74,8 @@ def _run(seeds: list[int], jobs: int, laws: bool) -> list[Trial]:
                 done[seed] = _died(seed, "the process died")
             except Exception as error:
                 done[seed] = _died(seed, f"the fuzz itself: {error!r}")
+            for line in remarks(done[seed]):
+                print(f"{seed}: {line}", file=sys.stderr, flush=True)
             if len(done) % _TELL == 0:
                 print(f"{len(done)} of {len(seeds)}", file=sys.stderr, flush=True)
         pool.shutdown()

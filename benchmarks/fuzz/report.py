@@ -11,7 +11,7 @@ from benchmarks.fuzz.law import LAWS
 from benchmarks.fuzz.robot import DRIVES
 from benchmarks.fuzz.trial import Outcome, Trial
 
-__all__ = ["missed_targets", "print_report"]
+__all__ = ["missed_targets", "print_report", "remarks"]
 
 MOST_MISSES, MOST_RATIO, MOST_REFUSED = 0.005, 1.05, 0.001
 _WORST = 12
@@ -55,6 +55,25 @@ def missed_targets(trials: list[Trial]) -> list[str]:
         said.append(f"good / known is {np.quantile(ratios, 0.99):.3f} in 99 %, not {MOST_RATIO}")
     if (refused := sum(o.refused > 0 for o in outcomes)) > MOST_REFUSED * len(outcomes):
         said.append(f"{refused} of {len(outcomes)} plans had motions refused on the way")
+    return said
+
+
+def remarks(trial: Trial) -> list[str]:
+    """What is wrong with one trial, in words."""
+    about = f"{trial.drive}, {trial.scene}"
+    said = [
+        f"{law}: {by if isinstance(by, str) else f'{by:.3f}'}, {about}"
+        for law, by in trial.laws.items()
+        if by
+    ]
+    if (ratio := _ratio(trial)) > MOST_RATIO:
+        said.append(f"{ratio:.3f} × the known motion of {trial.known:.3f} s, {about}")
+    for which, outcome in [("as drawn", trial.outcome), *trial.others]:
+        said += [f"{fault.detail} ({which}), {about}" for fault in outcome.faults]
+        if outcome.status != "planned":
+            said.append(f"{outcome.status}: {outcome.error} ({which}), {about}")
+        if outcome.refused:
+            said.append(f"{outcome.refused} motions were refused ({which}), {about}")
     return said
 
 
