@@ -93,15 +93,13 @@ def draw_motion(
 
 
 def _holonomic(rng: np.random.Generator, _: dict[str, Any], options: dict[str, Any], length: float) -> Piece:
-    way = rng.uniform(-math.pi / 2, math.pi / 2) if not options.get("reverse", True) else rng.uniform(0, 7)
     shape = rng.choice(["screw", "screw", "line", "turn"])
     turn = rng.uniform(-1.8, 1.8)
     if shape == "turn":
         return Piece(0.0, 0.0, turn)
-    vx, vy = length * math.cos(way), length * math.sin(way)
-    return Piece(
-        max(vx, 0.0) if not options.get("reverse", True) else vx, vy, 0.0 if shape == "line" else turn
-    )
+    # The planner moves a holonomic robot that must not reverse along its heading only.
+    way = rng.uniform(-math.pi, math.pi) if options.get("reverse", True) else 0.0
+    return Piece(length * math.cos(way), length * math.sin(way), 0.0 if shape == "line" else turn)
 
 
 def _nonholonomic(

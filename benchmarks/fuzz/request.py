@@ -33,7 +33,7 @@ _EXAMPLE = 0.8
 @dataclass(frozen=True)
 class Case:
     """seed: what it was drawn from. scene: its kind. request: as a client posts it; with a map, its id is set
-    when the map has been stored. motion: one that solves it; known s: it takes no longer, from stop to stop."""
+    when the map has been stored. motion: one that solves it; known s: it takes no longer, with its stops."""
 
     seed: int
     drive: str

@@ -20,7 +20,7 @@ from drives import DRIVES as KINDS
 from tests.benchmarks.schedules import answer_of
 
 SEEDS = range(44)
-CAREFUL = ("mirror", "translate", "walls", "far obstacle", "scale")
+CAREFUL = ("mirror", "translate", "walls", "far obstacle")
 
 
 def test_every_drive_is_fuzzed() -> None:
