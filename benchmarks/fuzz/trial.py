@@ -24,7 +24,7 @@ from benchmarks.fuzz.check import Fault, check
 from benchmarks.fuzz.law import LAWS
 from benchmarks.fuzz.request import Case, draw_case
 from benchmarks.fuzz.world import solid_cells
-from planner import optimize, stopwatch
+from planner import optimal_control, stopwatch
 from planner.errors import AuditFailed, PlanningError
 from planner.plan import plan
 
@@ -117,7 +117,7 @@ def use_processor_time() -> None:
     """Lets time budgets count the processor time of this process, so that others on the machine do not."""
     clock = types.SimpleNamespace(perf_counter=time.process_time)
     setattr(stopwatch, "time", clock)  # noqa: B010
-    setattr(optimize, "perf_counter", time.process_time)  # noqa: B010
+    setattr(optimal_control, "perf_counter", time.process_time)  # noqa: B010
 
 
 @functools.cache
