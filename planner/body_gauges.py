@@ -133,15 +133,20 @@ def _turning(
     found: Array, twist: Array, radius: float, share: float, room: float, when: float, f: Array
 ) -> None:
     """|omega|·radius against |vx|, its bound, in one interval: twists (5, 3). f (5,) is scratch."""
-    worst, value, allowed, omega, ahead = -np.inf, 0.0, 1.0, 1.0, 1.0
+    worst, value, allowed, low, high = -np.inf, 0.0, 1.0, np.inf, -np.inf
     for k in range(5):
         turning, may = abs(twist[k, 2]) * radius, abs(twist[k, 0]) * (1 + share) + room
+        low, high = min(low, twist[k, 0]), max(high, twist[k, 0])
         if not turning - may <= worst:
             worst, value, allowed = turning - may, turning, may
-            omega, ahead = math.copysign(radius, twist[k, 2]), math.copysign(1 + share, twist[k, 0])
-    for k in range(5):
-        f[k] = omega * twist[k, 2] - ahead * twist[k, 0] - room
-    keep(found, 5, value + max(peak(f) - worst, 0.0), allowed, when, 0)
+    if low * high >= 0.0:  # between the five, unless the robot turns back there
+        ahead = (1 + share) if high > 0.0 else -(1 + share)
+        for omega in (radius, -radius):
+            for k in range(5):
+                f[k] = omega * twist[k, 2] - ahead * twist[k, 0] - room
+            value += max(peak(f) - worst, 0.0)
+            worst = max(worst, peak(f))
+    keep(found, 5, value, allowed, when, 0)
 
 
 @kernel

@@ -358,10 +358,11 @@ class Optimizer:
         phases: list[Phase] = []
         try:
             for i, run in enumerate(runs):
-                phase: Phase = replace(run, steering=steering) if run.steering is None or i > 0 else run
+                steered = replace(run, steering=steering) if run.steering is None or i > 0 else run
+                phase: Phase = steered
                 if self._is_jerk_limited:
                     slower = _excess(Phases(drive, (phase,)), run.time, limits)
-                    retimed = Phases(drive, (run.slowed(slower),))
+                    retimed = Phases(drive, (steered.slowed(slower),))
                     (phase,) = hastened(retimed, limits, partial(self.is_over, 0.0)).phases
                 phase = phase_on_grid(phase, drive, limits, self._period, whole=i + 1 < len(runs))
                 ends = Phases(drive, (phase,)).sample(np.array([0.0, phase.duration])).steering_angle

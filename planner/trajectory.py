@@ -246,6 +246,9 @@ class Flowing:
         else:
             law = drive.actuators(BodyPath(fine, heading, twist, change), self.steering, self.steering_limit)
             rate, acceleration = law.wheel, law.wheel_derivative
+        swing = law.steering_derivative
+        if self.curves and drive.rolling_law().heading_steers:
+            swing = swing * v  # steering that follows the heading turns for each metre, not each second
         h = np.diff(knots)[:, None]
         gained = h / 6 * (rate[:-2:2] + 4 * rate[1::2] + rate[2::2])
         turned = angle + np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(gained, 0)])
@@ -253,7 +256,7 @@ class Flowing:
         out.wheel_velocity[rows] = rate[2 * here]
         out.wheel_acceleration[rows] = acceleration[2 * here]
         out.steering_angle[rows] = law.steering[2 * here]
-        out.steering_rate[rows] = law.steering_derivative[2 * here]
+        out.steering_rate[rows] = swing[2 * here]
         out.pose[rows] = self._poses(knots, heading[::2])[here]
         out.twist[rows] = twist[2 * here]
         end: Array = turned[-1]

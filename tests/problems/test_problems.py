@@ -52,6 +52,7 @@ def test_row(row: dict[str, Any]) -> None:
     at_once = plan(replace(problem, options=replace(problem.options, effort="first")))
     assert made.duration <= at_once.duration * (1 + 1e-6), row["wrong"]
     assert made.duration <= row.get("at_most", np.inf), row["wrong"]
+    assert made.planning.get("refused", 0) == 0, row["wrong"]
     found, goal, pose = asdict(made.certificate), problem.goal, made.schedule.pose
     assert all(value <= 1.001 for name, value in found.items() if name.endswith("_ratio")), row["wrong"]
     assert found["slip"] < 8e-4
