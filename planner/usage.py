@@ -27,8 +27,8 @@ _VALUES, _SLOPES = (
 middle, and where it ends."""
 _SLIP, _SLOW = 7e-4, 0.05
 """Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
-_FEW = 1e-6
-"""Speed (m/s) below which all acceleration counts as along the direction of travel."""
+_SLOW_SHARE = 0.05
+"""Share of the largest speed in an interval below which all acceleration counts as along the velocity."""
 
 
 def slow_factors(made: WheelSchedule, drive: Drive, limits: Limits) -> Array:
@@ -149,6 +149,9 @@ def _pushes(step: Array, twist: Array, along: float, across: float, factors: Arr
     """Raise factors (n,) to what the body's accelerations along and across its velocity ask for, where
     intervals begin, end, and are halfway: of the quadratics through the twists (3n, 3) at their nodes."""
     for i in range(len(factors)):
+        fastest = 0.0
+        for a in range(3):
+            fastest = max(fastest, math.sqrt(twist[3 * i + a, 0] ** 2 + twist[3 * i + a, 1] ** 2))
         for k in range(len(_VALUES)):
             vx = vy = omega = dx = dy = 0.0
             for a in range(3):
@@ -157,7 +160,7 @@ def _pushes(step: Array, twist: Array, along: float, across: float, factors: Arr
                 omega += _VALUES[k, a] * turn
                 dx, dy = dx + _SLOPES[k, a] * x, dy + _SLOPES[k, a] * y
             dx, dy, size = dx / step[i], dy / step[i], math.sqrt(vx * vx + vy * vy)
-            if size < _FEW:
+            if size <= _SLOW_SHARE * fastest:
                 pushed = math.sqrt(dx * dx + dy * dy) / along
             else:
                 bend = vx * dy - vy * dx + omega * size * size

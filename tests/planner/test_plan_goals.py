@@ -29,7 +29,7 @@ HOLONOMIC = [kind for kind in KINDS if kind not in NONHOLONOMIC]
 @every_drive
 def test_goal_without_heading_takes_any(ask: Ask, kind: str) -> None:
     made = plan(ask(kind, (0.0, 0.0, 0.4), (2.0, -1.0, None)))
-    assert distance(made.schedule.pose[-1], Pose(2.0, -1.0, 0.0)) < 1e-9
+    assert distance(made.schedule.pose[-1], Pose(2.0, -1.0, 0.0)) < 1e-6
     assert made.certificate.closure_heading == 0.0
     assert keeps_limits(made)
 
@@ -62,13 +62,13 @@ def test_one_millimetre(ask: Ask, kind: str, aside: bool) -> None:
     goal = (1.0 + 1e-3 * math.cos(course), -1.0 + 1e-3 * math.sin(course), theta)
     made = plan(ask(kind, (1.0, -1.0, theta), goal))
     poses = made.schedule.pose
-    assert distance(poses[-1], Pose(*goal)) < 1e-9
-    assert abs(wrap(poses[-1, 2] - theta)) < 1e-9
+    assert distance(poses[-1], Pose(*goal)) < 1e-6
+    assert abs(wrap(poses[-1, 2] - theta)) < 1e-6
     assert made.certificate.closure_position < 1e-5
     assert keeps_limits(made)
     assert made.duration > 0
     if not aside or kind in HOLONOMIC:
-        assert made.length == pytest.approx(1e-3, rel=1e-6)
+        assert made.length == pytest.approx(1e-3, rel=1e-5)
 
 
 @every_drive
@@ -76,13 +76,13 @@ def test_one_millimetre(ask: Ask, kind: str, aside: bool) -> None:
 def test_turn_of_exactly_half_a_turn(ask: Ask, kind: str, sign: float) -> None:
     made = plan(ask(kind, (0.0, 0.0, 0.4), (0.0, 0.0, 0.4 + sign * PI)))
     poses = made.schedule.pose
-    assert distance(poses[-1], Pose(0.0, 0.0, 0.0)) < 1e-9
-    assert abs(wrap(poses[-1, 2] - 0.4 - PI)) < 1e-9
+    assert distance(poses[-1], Pose(0.0, 0.0, 0.0)) < 1e-6
+    assert abs(wrap(poses[-1, 2] - 0.4 - PI)) < 1e-6
     assert keeps_limits(made)
     assert closes(made)
     if kind not in ("tricycle", "ackermann"):
         assert abs(poses[-1, 2] - 0.4) == pytest.approx(PI)
-        assert made.length < 1e-9
+        assert made.length < 1e-6
 
 
 @every_drive
@@ -91,7 +91,7 @@ def test_heading_is_continuous_across_the_wrap(ask: Ask, kind: str) -> None:
     heading = made.schedule.pose[:, 2]
     assert heading[0] == 3.1
     assert np.abs(np.diff(heading)).max() < 0.2
-    assert abs(wrap(heading[-1] + 3.1)) < 1e-9
+    assert abs(wrap(heading[-1] + 3.1)) < 1e-6
     if kind in HOLONOMIC:
         assert heading[-1] == pytest.approx(2 * PI - 3.1)
 
@@ -104,7 +104,7 @@ def test_heading_is_unwrapped_from_the_value_given_at_the_start(ask: Ask, kind: 
     assert heading[0] == turns
     assert np.abs(np.diff(heading)).max() < 0.2
     assert abs(heading[-1] - turns) < 2 * PI
-    assert abs(wrap(heading[-1] - 0.2)) < 1e-9
+    assert abs(wrap(heading[-1] - 0.2)) < 1e-6
     assert closes(made)
 
 

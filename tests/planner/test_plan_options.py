@@ -92,7 +92,7 @@ def test_wheel_jerk_is_kept(
     change = np.diff(made.schedule.wheel_acceleration, axis=0)
     over = np.maximum(np.diff(made.schedule.time)[:, None], 1e-4)
     assert np.abs(change / over).max() <= jerk * (1 + 1e-3)
-    assert np.abs(made.schedule.wheel_acceleration[[0, -1]]).max() < 1e-6
+    assert np.abs(made.schedule.wheel_acceleration[[0, -1]]).max() < 1e-4
 
 
 @every_drive

@@ -16,10 +16,16 @@ from drives.drive import BodyPath, Car, Drive, Holonomic, Limits
 from drives.se2 import Array, Pose, Twist
 from planner.path import LinePiece, Path, Piece, TwistPiece
 from planner.problem import Robot
-from planner.schedule import WheelSchedule, schedule
+from planner.schedule import WheelSchedule, sample_times
 from planner.time_law import time_path
 
 START = Pose(0.7, -0.4, 0.3)
+
+
+def sampled(path: Path, example: Robot, period: float) -> WheelSchedule:
+    """The motion along a path as a function of time, before it is put on a grid."""
+    motion = time_path(path, example.drive, example.limits)
+    return motion.sample(sample_times(motion.duration, period))
 
 
 def used(made: WheelSchedule, limits: Limits) -> tuple[Array, Array]:
@@ -42,7 +48,7 @@ def test_turning_on_a_line_keeps_every_limit_and_wastes_none(
     robot: Callable[..., Robot], kind: str, ends: tuple[Pose, Pose]
 ) -> None:
     example = robot(kind)
-    made = schedule(time_path((LinePiece(*ends),), example.drive, example.limits), 1e-3)
+    made = sampled((LinePiece(*ends),), example, 1e-3)
     speed, acceleration = used(made, example.limits)
     assert speed.max() <= 1.001
     assert acceleration.max() <= 1.001
@@ -57,7 +63,7 @@ def test_steered_wheels_turning_on_a_line_keep_every_limit(
     robot: Callable[..., Robot], kind: str, ends: tuple[Pose, Pose]
 ) -> None:
     example = robot(kind)
-    made = schedule(time_path((LinePiece(*ends),), example.drive, example.limits), 1e-3)
+    made = sampled((LinePiece(*ends),), example, 1e-3)
     speed, acceleration = used(made, example.limits)
     assert speed.max() <= 1.001
     assert acceleration.max() <= 1.001
@@ -73,7 +79,7 @@ def test_turning_on_a_line_keeps_the_jerk(
     robot: Callable[..., Robot], kind: str, ends: tuple[Pose, Pose]
 ) -> None:
     example = robot(kind, wheel_jerk=150.0)
-    made = schedule(time_path((LinePiece(*ends),), example.drive, example.limits), 1e-3)
+    made = sampled((LinePiece(*ends),), example, 1e-3)
     assert all(share.max() <= 1.001 for share in used(made, example.limits))
     jerk = np.diff(made.wheel_acceleration, axis=0)[:-1] / 1e-3
     assert np.abs(jerk).max() <= 150.0 * 1.001
@@ -96,7 +102,7 @@ def test_where_the_law_is_steep_there_is_a_motion_and_it_keeps_every_limit(
     robot: Callable[..., Robot], kind: str, piece: Piece
 ) -> None:
     example = robot(kind)
-    made = schedule(time_path((piece,), example.drive, example.limits), 1e-3)
+    made = sampled((piece,), example, 1e-3)
     speed, acceleration = used(made, example.limits)
     assert speed.max() <= 1.001
     assert acceleration.max() <= 1.001
@@ -185,7 +191,7 @@ def test_no_limit_is_passed_on_a_fine_grid(
 ) -> None:
     example = robot(kind)
     for piece in possible(example.drive, example.limits, ahead, aside, turn):
-        made = schedule(time_path((piece,), example.drive, example.limits), 2e-3)
+        made = sampled((piece,), example, 2e-3)
         assert all(share.max() <= 1.001 for share in used(made, example.limits))
         if made.steering_rate.size:
             assert np.abs(made.steering_rate).max() <= example.limits.steering_rate * 1.001
@@ -216,7 +222,7 @@ def test_the_law_is_the_drives_own(robot: Callable[..., Robot]) -> None:
     for kind in ("omni", "swerve"):
         example = robot(kind)
         piece = LinePiece(*LINES[0])
-        made = schedule(time_path((piece,), example.drive, example.limits), 0.01)
+        made = sampled((piece,), example, 0.01)
         s = (made.pose[:, 2] - piece.start.theta) / piece.turn
         inside = (s > 1e-6) & (s < 1 - 1e-6)
         path: BodyPath = piece.body_path(s[inside])
