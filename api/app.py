@@ -6,8 +6,6 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import anyio
@@ -33,23 +31,23 @@ from api.answers import Problem
 from api.batch_schemas import BatchItem, BatchLine, BatchRequest
 from api.batch_store import BatchStore
 from api.batches import Batches
+from api.bounds import PROBES, Allowance, Crowd
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
 from api.maps import MapStore
 from api.metrics import Metrics
-from api.middleware import PROBES, Envelope, Gate
+from api.middleware import Envelope, Gate
 from api.planning import answer_plan
 from api.scheduler import Scheduler
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
+from api.spool import whole
 from api.tokens import Guard, Tokens
 from api.validation import validated
 from api.workers import local_pool
-from drives.se2 import Pose
-from planner.environment import check_simple_polygon, prepare_map
+from planner.environment import check_simple_polygon
 from planner.errors import PlanningError
-from planner.problem import MapLayer
 from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app", "scheduler_of"]
@@ -100,7 +98,9 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     app.state.pool = workers
     app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps, settings.max_store_bytes)
     app.state.batches = _batches(app, workers)
-    app.state.metrics = Metrics(workers, app.state.batches)
+    bodies = Allowance(settings.max_pending_bytes, "request bodies")
+    app.state.uploads = Allowance(settings.max_upload_bytes, "map uploads")
+    app.state.metrics = Metrics(workers, app.state.batches, bodies)
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)
@@ -108,7 +108,10 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     app.add_middleware(Gate, route=plans, scheduler=workers, metrics=app.state.metrics)
     if settings.tokens_file is not None:
         app.add_middleware(Guard, tokens=Tokens(settings.tokens_file))
-    app.add_middleware(Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout)
+    app.add_middleware(Crowd, max_connections=settings.max_connections)
+    app.add_middleware(
+        Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout, bodies=bodies
+    )
     for refused in (Refusal, PlanningError):
         app.add_exception_handler(refused, _refused)
     app.add_exception_handler(HTTPException, _http_error)
@@ -127,15 +130,14 @@ def scheduler_of(settings: Settings) -> Scheduler:
         from api.cluster import Cluster  # takes long to import
     except ImportError as error:
         raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
-    return Cluster(address, settings.queue_length, settings.queue_wait, settings.queue_timeout)
+    return Cluster(
+        address, settings.queue_length, settings.queue_wait, settings.queue_timeout, settings.worker_memory
+    )
 
 
 def _warm_up() -> None:
-    """Loads the kernels that the server itself calls; its first clients would wait for that."""
+    """Loads the kernel that the server itself calls; its first clients would wait for that."""
     check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-    with TemporaryDirectory() as folder:
-        np.save(Path(folder) / "cells.npy", np.eye(3, dtype=np.int8))
-        prepare_map(MapLayer("", Path(folder), 1.0, Pose(0.0, 0.0, 0.0), "occupied"))
 
 
 def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
@@ -144,14 +146,14 @@ def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
     def read(request: Any, held: ExitStack) -> PlanProblem:
         asked = validated(BatchItem, request)
         find_map = held.enter_context(app.state.maps.leased())
-        return to_problem(asked, find_map, settings.max_time_budget)
+        return to_problem(asked, find_map, settings.max_time_budget, settings.max_samples)
 
     async def plan(problem: PlanProblem) -> bytes:
         with app.state.maps.leased() as find_map:
             if problem.environment.map is not None:
                 find_map(problem.environment.map.id)
             made = await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)
-            return made.body
+            return whole(made.body)
 
     store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
     return Batches(scheduler, store, read, plan, settings.max_batches)

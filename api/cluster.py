@@ -13,12 +13,15 @@ import uuid
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
+import anyio
 from distributed import Client
 from distributed.client import FutureCancelledError
 from distributed.scheduler import KilledWorker
 
+from api.apart import apart
 from api.errors import Refusal
 from api.log import log
 from api.scheduler import RETRY_AFTER, Loss, Scheduler
@@ -42,9 +45,12 @@ class Cluster(Scheduler):
     """The processes of a Dask cluster, for all servers that use it. `address`: of the Dask scheduler, as
     tcp://host:port."""
 
-    def __init__(self, address: str, queue_length: int, queue_wait: float, queue_timeout: float) -> None:
+    def __init__(
+        self, address: str, queue_length: int, queue_wait: float, queue_timeout: float, memory: int = 0
+    ) -> None:
         super().__init__(0, queue_length, queue_wait, queue_timeout)
         self.address = address
+        self._memory = memory
         self._stopped = False
         self._client: Client | None = None
         self._connection: asyncio.Task[None] | None = None
@@ -94,6 +100,10 @@ class Cluster(Scheduler):
             raise
         finally:
             self._jobs.discard(job)
+
+    async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
+        alone = partial(apart, function, *args, preload=["api.maps"], memory=self._memory)
+        return await anyio.to_thread.run_sync(alone)
 
     async def drain(self, grace: float) -> None:
         self.draining = True

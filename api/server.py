@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import resource
 import socket
 from types import FrameType
 
@@ -10,16 +11,24 @@ import uvicorn
 from fastapi import FastAPI
 
 from api.app import create_app
-from api.log import log, log_to_stderr
+from api.log import log, logging_to_stderr
 from api.protocol import Protocol
 from api.settings import Settings
 
 __all__ = ["serve"]
 
+_OTHER_FILES = 256
+"""Open files besides those of connections: pipes to workers, maps, logs. A connection may have a spool."""
+
 
 def serve(settings: Settings) -> int:
     """Runs the HTTP service until a signal ends it."""
-    log_to_stderr()
+    with logging_to_stderr():
+        return _serve(settings)
+
+
+def _serve(settings: Settings) -> int:
+    _allow_files(2 * settings.max_connections + _OTHER_FILES)
     try:
         app = create_app(settings)
     except (OSError, ValueError) as error:
@@ -41,6 +50,15 @@ def serve(settings: Settings) -> int:
     finally:
         app.state.pool.kill()  # where a second signal has cut the shutdown short
     return 0 if server.started else 1
+
+
+def _allow_files(count: int) -> None:
+    """Raises this process's limit on open files, as far as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY:
+        count = min(count, hard)
+    if soft not in (resource.RLIM_INFINITY, count) and soft < count:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))
 
 
 class _Server(uvicorn.Server):

@@ -17,10 +17,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import anyio
 from opentelemetry import trace
 
+from api.apart import apart
 from api.errors import Refusal
 from api.log import log
 from api.scheduler import RETRY_AFTER, Loss, Scheduler
@@ -139,6 +142,12 @@ class Pool(Scheduler):
             with suppress(ValueError):
                 self._waiting.remove(job)
             _trace(job)
+
+    async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
+        if not self.ready:
+            raise Refusal("draining", str(self.trouble), retry_after=RETRY_AFTER)
+        alone = partial(apart, function, *args, preload=self._preload, memory=self._memory)
+        return await anyio.to_thread.run_sync(alone)
 
     def _ring(self) -> None:
         """Wakes the keepers: there is a job to take."""
