@@ -43,7 +43,7 @@ from api.scheduler import Scheduler
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
 from api.spool import whole
-from api.tokens import Guard, Tokens
+from api.tokens import OPEN, Guard, Tokens
 from api.validation import validated
 from api.workers import local_pool
 from planner.environment import check_simple_polygon
@@ -198,8 +198,20 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
                 del operation["responses"]["422"]  # FastAPI's own, which cannot happen
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
+        if settings.tokens_file is not None:
+            _ask_for_tokens(document)
         budget = schemas["OptionsSchema"]["properties"]["time_budget"]
         budget["maximum"] = settings.max_time_budget
         budget["default"] = min(budget["default"], settings.max_time_budget)
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _ask_for_tokens(document: dict[str, Any]) -> None:
+    """Tells of the bearer tokens that all routes ask for but the open ones."""
+    about = "One of the tokens that the operator of this service gives out."
+    scheme = {"type": "http", "scheme": "bearer", "description": about}
+    document["components"]["securitySchemes"] = {"token": scheme}
+    for path, methods in document["paths"].items():
+        for operation in methods.values() if path not in OPEN else ():
+            operation["security"] = [{"token": []}]
