@@ -90,6 +90,10 @@ class _Waiting(QueueHandler):
 class _Descriptor(logging.Handler):
     """Writes lines to the descriptor itself: Python's own stream could not be closed amid a write."""
 
+    def createLock(self) -> None:
+        """None: one thread writes, and an exit amid a write must not wait for it."""
+        self.lock = None
+
     def emit(self, record: logging.LogRecord) -> None:
         line = f"{record.getMessage()}\n".encode()
         try:
