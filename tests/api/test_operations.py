@@ -190,6 +190,11 @@ def test_a_page_for_operators_gives_the_settings_defaults():
     page = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
     given = {row[0].strip("` "): row[1].strip() for line in page.splitlines()
              if len(row := line.split("|")[1:3]) == 2}  # fmt: skip
-    machine = {"WHEELPLAN_DATA_DIR", "WHEELPLAN_WORKERS", "WHEELPLAN_QUEUE_LENGTH"}
+    machine = {
+        "WHEELPLAN_DATA_DIR",
+        "WHEELPLAN_WORKERS",
+        "WHEELPLAN_QUEUE_LENGTH",
+        "WHEELPLAN_MAX_CONNECTIONS",
+    }
     for name, _, default, _ in Settings().table():
         assert name in machine or given[name] == (default or "none"), name
