@@ -23,11 +23,13 @@ from distributed.scheduler import KilledWorker
 
 from api.apart import apart
 from api.errors import Refusal
-from api.log import log
+from api.log import adopt, log
 from api.scheduler import RETRY_AFTER, Loss, Scheduler
 from api.supervisor import NAME, Supervisor, carry, reported
 
 __all__ = ["Cluster"]
+
+adopt("distributed")  # its own handlers write from the event loop
 
 _GLANCE = 1.0
 """How often we ask how many processes there are, s."""

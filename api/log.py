@@ -18,7 +18,7 @@ from typing import Any
 
 import orjson
 
-__all__ = ["dropped", "log", "logging_to_stderr"]
+__all__ = ["adopt", "dropped", "log", "logging_to_stderr"]
 
 _MOST = 10_000
 _LAST_WORDS = 1.0
@@ -64,6 +64,15 @@ def logging_to_stderr() -> Iterator[None]:
         until = time.monotonic() + _LAST_WORDS
         while lines.unfinished_tasks and time.monotonic() < until:
             time.sleep(0.01)
+
+
+def adopt(library: str) -> None:
+    """Sends what a library logs the way of all lines, and not through handlers of its own."""
+    for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == library]:
+        logger = logging.getLogger(name)
+        logger.handlers.clear()
+        logger.propagate = True
+        logger.setLevel(logging.NOTSET if "." in name else logging.WARNING)
 
 
 class _Lines(logging.Formatter):
