@@ -45,6 +45,7 @@ class Server:
 
     def __init__(self, data_dir, token=None, **settings):
         self.token = token
+        self.data_dir = Path(data_dir)
         given = {f"WHEELPLAN_{name.upper()}": str(value) for name, value in settings.items()}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "api.cli", "serve", "--port", "0"],
