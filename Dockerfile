@@ -43,7 +43,7 @@ ENV PATH=/opt/wheelplan/bin:$PATH \
 USER wheelplan
 
 # Compiled once, here, instead of by every new container. Another kind of processor compiles again at its first start.
-RUN python -c "from planner.warm_up import warm_up; warm_up()"
+RUN python -W error -c "from planner.kernels import make_ready; make_ready()"
 
 # Volumes, so that a container with a read-only root can still write to both; a new one begins with the image's content.
 VOLUME ["/data", "/var/cache/wheelplan"]

@@ -10,10 +10,6 @@ STAMP := $(VENV)/.stamp
 # Caches stay inside .venv: a home folder may be missing or read-only.
 export MPLCONFIGDIR ?= $(CURDIR)/$(VENV)/cache/matplotlib
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
-# Numba renews a compiled kernel when its own file changes, not when one does whose kernels it calls. So that an
-# updated tree never runs old code, each state of these files has a cache of its own.
-KERNELS := $(shell cat /dev/null $$(grep -l '^@.*kernel' planner/*.py) | cksum | cut -d ' ' -f 1)
-export NUMBA_CACHE_DIR ?= $(CURDIR)/$(VENV)/cache/numba-$(KERNELS)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo demo-cluster pictures serve test check lock

@@ -70,7 +70,11 @@ class CertificateAnswer(BaseModel):
     slip: float = amount(
         "Largest disagreement between the wheels and any one rigid motion", "m/s", example=0.0
     )
-    clearance: Number = quantity("Smallest distance from footprint to obstacle", "m", example=0.25)
+    clearance: Number = quantity(
+        "Lower bound of the distance from footprint to obstacle, accurate to 0.1 mm near min_clearance",
+        "m",
+        example=0.25,
+    )
 
 
 class PlanAnswer(BaseModel):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+import math
+import time
+from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
+from threading import Thread
 from typing import Any
 
-import anyio
 import numpy as np
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
@@ -35,6 +37,8 @@ from api.bounds import PROBES, Allowance, Crowd
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
+from api.fair_queue import Ticket
+from api.log import log
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import Envelope, Gate
@@ -48,6 +52,7 @@ from api.validation import validated
 from api.workers import local_pool
 from planner.environment import check_simple_polygon
 from planner.errors import PlanningError
+from planner.kernels import make_ready
 from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app", "scheduler_of"]
@@ -63,8 +68,11 @@ _ROUTES = (
     routes_page,
 )
 
+_PROGRESS = 5.0
+"""Seconds between two lines about the compilation of kernels."""
 
-def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
+
+def create_app(settings: Settings, pool: Scheduler[Any] | None = None) -> FastAPI:
     """The service as an ASGI application. The pool is started and closed with it."""
     workers = pool or scheduler_of(settings)
 
@@ -73,9 +81,8 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
         app.state.maps.sweep()
         workers.start()
         app.state.batches.start()
-        warming = asyncio.create_task(anyio.to_thread.run_sync(_warm_up, abandon_on_cancel=True))
+        Thread(target=_warm_up, daemon=True).start()
         yield
-        warming.cancel()
         await app.state.batches.close()
         await workers.close()
 
@@ -119,7 +126,7 @@ def create_app(settings: Settings, pool: Scheduler | None = None) -> FastAPI:
     return app
 
 
-def scheduler_of(settings: Settings) -> Scheduler:
+def scheduler_of(settings: Settings) -> Scheduler[Any]:
     """The scheduler that the settings ask for. Raises ValueError."""
     address = settings.scheduler
     if not address:
@@ -136,11 +143,24 @@ def scheduler_of(settings: Settings) -> Scheduler:
 
 
 def _warm_up() -> None:
-    """Loads the kernel that the server itself calls; its first clients would wait for that."""
+    """Compiles the kernels if the cache lacks them, and loads those that the server itself calls."""
+    make_ready(_log_progress())
     check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
 
 
-def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
+def _log_progress() -> Callable[[int, int], None]:
+    last = -math.inf
+
+    def progress(done: int, total: int) -> None:
+        nonlocal last
+        if done == total or time.monotonic() - last > _PROGRESS:
+            last = time.monotonic()
+            log(event="compiling kernels", done=done, total=total)
+
+    return progress
+
+
+def _batches(app: FastAPI, scheduler: Scheduler[Any]) -> Batches:
     settings: Settings = app.state.settings
 
     def read(request: Any, held: ExitStack) -> PlanProblem:
@@ -148,15 +168,17 @@ def _batches(app: FastAPI, scheduler: Scheduler) -> Batches:
         find_map = held.enter_context(app.state.maps.leased())
         return to_problem(asked, find_map, settings.max_time_budget, settings.max_samples)
 
-    async def plan(problem: PlanProblem) -> bytes:
+    async def plan(problem: PlanProblem, ticket: Ticket) -> bytes:
         with app.state.maps.leased() as find_map:
             if problem.environment.map is not None:
                 find_map(problem.environment.map.id)
-            made = await routes_plans.answered(app.state, problem, answer_plan, "application/json", False)
+            made = await routes_plans.answered(
+                app.state, problem, ticket, answer_plan, "application/json", False
+            )
             return whole(made.body)
 
     store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
-    return Batches(scheduler, store, read, plan, settings.max_batches)
+    return Batches(scheduler, store, read, routes_plans.ticket_for, plan, settings.max_batches)
 
 
 async def _refused(_: Request, error: Exception) -> Response:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import math
 import os
 import re
 import shutil
@@ -12,10 +13,13 @@ import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import orjson
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_config
 
 from api.errors import Refusal
+from api.log import log
 
 __all__ = ["BatchStore", "Record", "Results"]
 
@@ -23,19 +27,34 @@ _ID = re.compile(r"[0-9a-f]{32}")
 _RECORD, _RESULTS = "record.json", "results.ndjson"
 
 
+_BAD = ".bad"
+"""The folder of a batch that cannot be read gets this suffix."""
+
+_Count = Annotated[int, Field(ge=0)]
+_Time = Annotated[float, Field(ge=0.0, le=1e11, allow_inf_nan=False)]
+
+
+@with_config(ConfigDict(extra="ignore"))
 @dataclass(slots=True)
 class Record:
     """What is known of a batch: its requests by outcome, the bytes of its results, and when (s since 1970) it
-    was created and finished."""
+    was created and finished. Fields that a newer version has written besides these are ignored."""
 
     id: str
-    total: int
-    created: float
-    done: int = 0
-    failed: int = 0
-    cancelled: int = 0
-    size: int = 0
-    finished: float | None = None
+    total: _Count
+    created: _Time
+    done: _Count = 0
+    failed: _Count = 0
+    cancelled: _Count = 0
+    size: _Count = 0
+    finished: _Time | None = None
+
+
+_RECORDS = TypeAdapter(Record)
+
+
+class _Unusable(Exception):
+    """A record that this version cannot use."""
 
 
 class Results:
@@ -64,6 +83,10 @@ class Results:
         """Shortens the file to `size` bytes."""
         os.ftruncate(self._file, size)
 
+    def sync(self) -> None:
+        """Waits until the disk has what was added."""
+        os.fsync(self._file)
+
     def close(self) -> None:
         """Closes the file, which also unlocks it."""
         os.close(self._file)
@@ -73,14 +96,22 @@ class BatchStore:
     """Batches by id, in root/<id>/. Those that have ended are kept for `keep` s, and while all results
     together do not exceed `limit` bytes; then the oldest go.
 
-    A batch whose server died is ended by whoever looks at it next: what was not done counts as cancelled.
+    A batch whose server died is ended by whoever looks at it next: what was not done counts as cancelled. One
+    whose record cannot be used is moved to root/<id>.bad; these go first if room is needed.
+
+    Time is counted by the monotonic clock from the moment in which this store first sees that a batch has
+    ended. Only the time before, when another process ran, is told by the wall clock.
+
+    set_aside  batches moved so far because their record could not be used
     """
 
     def __init__(self, root: Path, keep: float, limit: int) -> None:
         self.root = root
         self.keep = keep
         self.limit = limit
+        self.set_aside = 0
         self._used = 0
+        self._ends: dict[str, float] = {}
         self._lock = threading.Lock()
 
     def create(self, record: Record) -> Results:
@@ -90,6 +121,7 @@ class BatchStore:
         place = self.root / record.id
         place.mkdir(parents=True)
         try:
+            _sync(self.root)
             results = Results(place / _RESULTS)
             self.save(record)
         except OSError:
@@ -109,17 +141,23 @@ class BatchStore:
         record.size += len(line)
 
     def save(self, record: Record) -> None:
-        """Writes the record. Raises OSError."""
+        """Writes the record, and waits until the disk has it. Raises OSError."""
+        if record.finished is not None:
+            self._ends.setdefault(record.id, time.monotonic() + self.keep)
         place = self.root / record.id
         made = place / ".record"
-        made.write_bytes(orjson.dumps(asdict(record)))
+        with made.open("wb") as file:
+            file.write(orjson.dumps(asdict(record)))
+            file.flush()
+            os.fsync(file.fileno())
         made.rename(place / _RECORD)
+        _sync(place)
 
     def load(self, id: str) -> Record:
         """The record of a batch that has ended. Raises Refusal: unknown-batch."""
         # Nothing but an id ever becomes part of a path.
         record = self._read(id) if _ID.fullmatch(id) else None
-        if record is None or record.finished is None or record.finished + self.keep < time.time():
+        if record is None or self._left(record) <= 0:
             raise Refusal("unknown-batch", "There is no batch of this id.", batch=id[:32])
         return record
 
@@ -128,35 +166,91 @@ class BatchStore:
         with open(self.root / id / _RESULTS, "rb") as file:
             return os.pread(file.fileno(), size, offset)
 
+    def _left(self, record: Record) -> float:
+        """How long the results of a batch that has ended are still kept, s."""
+        if record.id not in self._ends:
+            age = min(max(0.0, time.time() - (record.finished or 0.0)), self.keep)
+            self._ends[record.id] = time.monotonic() - age + self.keep
+        return self._ends[record.id] - time.monotonic()
+
     def _read(self, id: str) -> Record | None:
+        """The record of a batch that has ended. None: it is not there, or its server still writes it."""
         try:
-            record = Record(**orjson.loads((self.root / id / _RECORD).read_bytes()))
-            if record.finished is None:
-                results = Results(self.root / id / _RESULTS)
+            return self._ended(id, self._record(id))
+        except OSError as error:
+            if not isinstance(error, PermissionError | IsADirectoryError | NotADirectoryError):
+                return None  # deleted this moment, still written by its server, or no descriptor is left
+            self._put_aside(id, repr(error))
+        except _Unusable as error:
+            self._put_aside(id, str(error))
+        return None
+
+    def _record(self, id: str) -> Record:
+        try:
+            record = _RECORDS.validate_json((self.root / id / _RECORD).read_bytes())
+        except ValidationError as error:
+            faults = [f"{fault['loc']}: {fault['msg']}" for fault in error.errors(include_input=False)]
+            raise _Unusable("; ".join(faults)) from None
+        if record.id != id:
+            raise _Unusable("it is another batch's")
+        if record.done + record.failed + record.cancelled > record.total:
+            raise _Unusable("its counts exceed its total")
+        if record.size > self._size(id):
+            raise _Unusable("results are missing")
+        return record
+
+    def _ended(self, id: str, record: Record) -> Record:
+        """The record; its batch is ended if its server died. Raises OSError if that still runs."""
+        if record.finished is None:
+            results = Results(self.root / id / _RESULTS)
+            try:
                 results.cut(record.size)
                 record.cancelled = record.total - record.done - record.failed
                 record.finished = time.time()
                 with suppress(OSError):  # a full disk is no reason not to read it
                     self.save(record)
+            finally:
                 results.close()
-        except OSError:  # no such batch, deleted this moment, or still written by its server
-            return None
         return record
+
+    def _put_aside(self, id: str, reason: str) -> None:
+        """Moves a batch that cannot be read, unless its server still writes it: that replaces the record."""
+        place = self.root / id
+        try:
+            with suppress(FileNotFoundError, PermissionError, NotADirectoryError):
+                Results(place / _RESULTS).close()
+            place.rename(place.with_suffix(_BAD))
+            _sync(self.root)
+        except OSError:
+            return
+        self.set_aside += 1
+        log(event="a batch cannot be read", batch=id, moved_to=id + _BAD, reason=reason[:500])
 
     def _make_room(self, size: int) -> None:
         """Forgets what has expired, and the oldest results where `size` bytes more would be too many."""
-        places = [place.name for place in self.root.iterdir()] if self.root.exists() else []
-        sizes = {id: self._size(id) for id in places}
+        names = [place.name for place in self.root.iterdir()] if self.root.exists() else []
+        sizes = {name: self._size(name) for name in names}
         self._used = sum(sizes.values())
-        ended = [r for r in map(self._read, places) if r is not None and r.finished is not None]
-        for record in sorted(ended, key=lambda record: record.finished or 0.0):
-            expired = (record.finished or 0.0) + self.keep < time.time()
-            if expired or self._used + size > self.limit:
-                shutil.rmtree(self.root / record.id, ignore_errors=True)
-                self._used -= sizes[record.id]
+        ended = [r for r in map(self._read, filter(_ID.fullmatch, names)) if r is not None]
+        left = {record.id: self._left(record) for record in ended}
+        bad = [name for name in names if name.endswith(_BAD)]
+        for name in bad + sorted(left, key=lambda id: left[id]):
+            if left.get(name, math.inf) <= 0 or self._used + size > self.limit:
+                shutil.rmtree(self.root / name, ignore_errors=True)
+                self._used -= sizes[name]
+                self._ends.pop(name, None)
 
-    def _size(self, id: str) -> int:
+    def _size(self, name: str) -> int:
         try:
-            return (self.root / id / _RESULTS).stat().st_size
+            return (self.root / name / _RESULTS).stat().st_size
         except OSError:
             return 0
+
+
+def _sync(folder: Path) -> None:
+    """Waits until the disk has the names in a folder."""
+    file = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)

@@ -19,6 +19,8 @@ import orjson
 from api.batch_schemas import MAX_NAME
 from api.batch_store import BatchStore, Record, Results
 from api.errors import Refusal, problem_document
+from api.fair_queue import Ticket
+from api.heartbeat import with_heartbeat
 from api.log import log
 from api.scheduler import Scheduler
 from api.strict_json import write_json
@@ -42,14 +44,34 @@ class _Item(NamedTuple):
     request: bytes
 
 
+class _Prepared(NamedTuple):
+    """An item that has been read: its problem, its place in the scheduler's queue, and what `held` keeps."""
+
+    item: _Item
+    problem: Problem
+    ticket: Ticket
+    held: ExitStack
+
+
 @dataclass(eq=False, slots=True)
 class _Batch:
     record: Record
     results: Results
     items: deque[_Item]
+    client: str
+    next: _Prepared | None = None
+    lines: list[tuple[bool, bytes]] = field(default_factory=list)
+    """Results that are not on disk yet: whether it is a plan, and the line."""
     running: set[asyncio.Task[None]] = field(default_factory=set)
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     news: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def drop(self) -> None:
+        """Forgets the items that nobody has begun."""
+        self.items.clear()
+        if self.next is not None:
+            self.next.held.close()
+            self.next = None
 
     def tell(self) -> None:
         """Wakes those who follow the results."""
@@ -60,31 +82,34 @@ class _Batch:
 class Batches:
     """The batches of one server.
 
-    Items of all running batches take turns. One is handed to the scheduler only where a worker is spare, so
-    that whoever waits for a single plan is never behind an item that waits, too.
+    Items of all running batches take turns. One is handed to the scheduler only if that would give it a
+    worker at once, so that whoever waits for a single plan is never behind an item that waits, too.
 
     read: what an item asks for, and what has to be held until it is planned; raises Refusal or PlanningError
-    plan: the JSON of its answer; likewise
+    ticket: its place in the scheduler's queue, for a client
+    plan: the JSON of its answer; raises as read
     """
 
     def __init__(
         self,
-        scheduler: Scheduler,
+        scheduler: Scheduler[Any],
         store: BatchStore,
         read: Callable[[Any, ExitStack], Problem],
-        plan: Callable[[Problem], Awaitable[bytes]],
+        ticket: Callable[[Problem, str], Ticket],
+        plan: Callable[[Problem, Ticket], Awaitable[bytes]],
         max_running: int,
     ) -> None:
         self.max_running = max_running
         self._scheduler = scheduler
         self._store = store
         self._read = read
+        self._ticket = ticket
         self._plan = plan
         self._batches: dict[str, _Batch] = {}
         self._turns: deque[_Batch] = deque()
         self._stir = asyncio.Event()
         self._adding = asyncio.Lock()
-        self._hand_out: asyncio.Task[None] | None = None
+        self._handing_out: asyncio.Task[None] | None = None
 
     @property
     def running(self) -> int:
@@ -96,15 +121,20 @@ class Batches:
         """Items that wait for a worker."""
         return sum(_counts(batch)["waiting"] for batch in self._batches.values())
 
+    @property
+    def set_aside(self) -> int:
+        """Batches on disk that could not be read."""
+        return self._store.set_aside
+
     def start(self) -> None:
         """Begins to hand out items."""
-        self._hand_out = asyncio.create_task(self._hand_out_items())
+        self._handing_out = asyncio.create_task(self._hand_out_items())
 
     async def close(self) -> None:
         """Cancels what has not ended."""
-        if self._hand_out is not None:
-            self._hand_out.cancel()
-            await asyncio.gather(self._hand_out, return_exceptions=True)
+        if self._handing_out is not None:
+            self._handing_out.cancel()
+            await asyncio.gather(self._handing_out, return_exceptions=True)
         await self._cancel_all()
 
     def admit(self) -> None:
@@ -114,8 +144,9 @@ class Batches:
         if self.running >= self.max_running:
             raise Refusal("overloaded", f"{self.running} batches are running already.", retry_after=10)
 
-    async def add(self, requests: Sequence[Any]) -> dict[str, Any]:
-        """Begins a batch of plan requests, JSON values; its document. Raises Refusal, as admit; OSError."""
+    async def add(self, requests: Sequence[Any], client: str) -> dict[str, Any]:
+        """Begins a client's batch of plan requests, JSON values; its document. Raises Refusal, as admit;
+        OSError."""
         record = Record(uuid.uuid4().hex, len(requests), time.time())
 
         def prepare() -> tuple[Results, deque[_Item]]:
@@ -127,7 +158,7 @@ class Batches:
         async with self._adding:
             self.admit()
             results, items = await asyncio.to_thread(prepare)
-            batch = _Batch(record, results, items)
+            batch = _Batch(record, results, items, client)
             self._batches[record.id] = batch
         self._turns.append(batch)
         self._stir.set()
@@ -145,11 +176,11 @@ class Batches:
         if (batch := self._batches.get(id)) is None:
             await asyncio.to_thread(self._store.load, id)
         else:
-            async with batch.lock:
-                await self._finish(batch)
+            await self._end(batch)
 
     async def lines(self, id: str) -> AsyncIterator[bytes]:
-        """The results as they come, until the batch ends. Raises Refusal: unknown-batch."""
+        """The results as they come, until the batch ends, and an empty line after every 10 s without one.
+        Raises Refusal: unknown-batch."""
         batch = self._batches.get(id)
         record = batch.record if batch is not None else await asyncio.to_thread(self._store.load, id)
         return self._follow(record, batch)
@@ -160,102 +191,132 @@ class Batches:
             news = batch.news if batch is not None else None
             if offset < record.size:
                 size = min(record.size - offset, _PIECE)
-                yield (piece := await asyncio.to_thread(self._store.read, record.id, offset, size))
+                piece = await asyncio.to_thread(self._store.read, record.id, offset, size)
+                if not piece:
+                    raise OSError(f"The results of batch {record.id} are shorter than its record says.")
+                yield piece
                 offset += len(piece)
             elif record.finished is None and news is not None:
-                await news.wait()
+                async for sign in with_heartbeat(news.wait, b"\n"):
+                    if not isinstance(sign, bytes):
+                        break
+                    yield sign
             else:
                 return
 
     async def _hand_out_items(self) -> None:
         while True:
-            batch, item = await self._next()
-            held = ExitStack()
+            batch = await self._next()
+            try:
+                await self._hand_out(batch)
+            except Exception as error:
+                await self._give_up(batch, error)
+
+    async def _next(self) -> _Batch:
+        """The next batch in turn that has an item to read, or one that would get a worker."""
+        while True:
+            for _ in range(len(self._turns)):
+                batch = self._turns.popleft()
+                if batch.record.finished is not None:
+                    continue
+                self._turns.append(batch)
+                if batch.items if batch.next is None else self._scheduler.starts(batch.next.ticket):
+                    return batch
+            if self._scheduler.draining:  # a shutdown ends all batches that still have items to hand out
+                for batch in [batch for batch in self._turns if batch.next is not None]:
+                    await self._end(batch)
+            self._stir.clear()
+            # Not wait_for, which before Python 3.12 loses a cancellation that comes with the event.
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_GLANCE if any(b.next for b in self._turns) else None):
+                    await self._stir.wait()
+
+    async def _hand_out(self, batch: _Batch) -> None:
+        """Reads the next item of a batch, or hands the one that has been read to the scheduler."""
+        if batch.next is None:
+            item, held = batch.items.popleft(), ExitStack()
             try:
                 problem = await asyncio.to_thread(self._problem, item, held)
             except Exception as error:
                 held.close()
-                await asyncio.shield(self._note(batch, item, "problem", _refusal(error)))
-                continue
-            await self._room()
-            if batch.record.finished is None:
-                task = asyncio.create_task(self._carry(batch, item, problem))
-                batch.running.add(task)
-                task.add_done_callback(batch.running.discard)
-                task.add_done_callback(lambda _, held=held: held.close())  # type: ignore[misc]
-                await asyncio.sleep(0)  # from its first step on, it counts in scheduler.spare
-            else:
-                held.close()
+                await self._note(batch, item, "problem", _refusal(error))
+                return
+            batch.next = _Prepared(item, problem, self._ticket(problem, batch.client), held)
+            if batch.record.finished is not None:
+                batch.drop()
+            return
+        prepared, batch.next = batch.next, None
+        task = asyncio.create_task(self._carry(batch, prepared))
+        batch.running.add(task)
+        task.add_done_callback(batch.running.discard)
+        task.add_done_callback(lambda _: prepared.held.close())
+        await asyncio.sleep(0)  # from its first step on, the scheduler knows of it
 
     def _problem(self, item: _Item, held: ExitStack) -> Problem:
         return self._read(pickle.loads(item.request), held)
 
-    async def _next(self) -> tuple[_Batch, _Item]:
-        while True:
-            for _ in range(len(self._turns)):
-                batch = self._turns.popleft()
-                if batch.record.finished is None:
-                    self._turns.append(batch)
-                    if batch.items:
-                        return batch, batch.items.popleft()
-            self._stir.clear()
-            await self._stir.wait()
-
-    async def _room(self) -> None:
-        """Waits for a spare worker. A shutdown ends all batches that still have items to hand out."""
-        while self._scheduler.spare < 1 or not self._scheduler.ready:
-            if self._scheduler.draining:
-                await self._cancel_all()
-                return
-            self._stir.clear()
-            # Not wait_for, which before Python 3.12 loses a cancellation that comes with the event.
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_GLANCE):
-                    await self._stir.wait()
-
-    async def _carry(self, batch: _Batch, item: _Item, problem: Problem) -> None:
+    async def _carry(self, batch: _Batch, prepared: _Prepared) -> None:
+        item = prepared.item
         try:
-            kind, body = "plan", await self._plan(problem)
+            try:
+                kind, body = "plan", await self._plan(prepared.problem, prepared.ticket)
+            except Exception as error:
+                if _was_not_taken(error) and not self._scheduler.draining:  # somebody was quicker
+                    batch.items.appendleft(item)
+                    return
+                kind, body = "problem", _refusal(error)
+            finally:
+                self._stir.set()
+            await self._note(batch, item, kind, body)
         except Exception as error:
-            if _was_not_taken(error) and not self._scheduler.draining:  # somebody was quicker
-                batch.items.appendleft(item)
-                return
-            kind, body = "problem", _refusal(error)
-        finally:
-            self._stir.set()
-        await asyncio.shield(self._note(batch, item, kind, body))
+            await self._give_up(batch, error)
 
     async def _note(self, batch: _Batch, item: _Item, kind: str, body: bytes) -> None:
         """Adds a line to the results; the last one ends the batch."""
         head = orjson.dumps({"index": item.place, "name": item.name})[:-1]
-        line = b'%b,"%b":%b}\n' % (head, kind.encode(), body)
+        batch.lines.append((kind == "plan", b'%b,"%b":%b}\n' % (head, kind.encode(), body)))
+        await asyncio.shield(self._write(batch))
+
+    async def _write(self, batch: _Batch) -> None:
+        """Writes the lines there are. Those that come while the disk is busy are written together."""
         async with batch.lock:
-            record = batch.record
-
-            def keep() -> None:
-                self._store.append(record, batch.results, line)
-                if kind == "plan":
-                    record.done += 1
-                else:
-                    record.failed += 1
-                self._store.save(record)
-
-            if record.finished is not None:
+            lines, batch.lines = batch.lines, []
+            if not lines or batch.record.finished is not None:
                 return
             try:
-                await asyncio.to_thread(keep)
+                await asyncio.to_thread(self._keep, batch, lines)
             except OSError as error:
-                log(event="results of a batch cannot be kept", batch=record.id, error=repr(error))
+                log(event="results of a batch cannot be kept", batch=batch.record.id, error=repr(error))
                 await self._finish(batch)
             else:
-                if record.done + record.failed == record.total:
+                if batch.record.done + batch.record.failed == batch.record.total:
                     await self._finish(batch)
                 batch.tell()
 
+    def _keep(self, batch: _Batch, lines: list[tuple[bool, bytes]]) -> None:
+        record = batch.record
+        try:
+            for plan, line in lines:
+                self._store.append(record, batch.results, line)
+                record.done += plan
+                record.failed += not plan
+        finally:
+            batch.results.sync()
+            self._store.save(record)
+
+    async def _give_up(self, batch: _Batch, error: Exception) -> None:
+        """Ends a batch that something is wrong with, so that nobody waits for it."""
+        failure = "".join(traceback.format_exception(error))
+        log(event="a batch failed", batch=batch.record.id, failure=failure)
+        await self._end(batch)
+
     async def _cancel_all(self) -> None:
         for batch in list(self._batches.values()):
-            async with batch.lock:
-                await self._finish(batch)
+            await self._end(batch)
+
+    async def _end(self, batch: _Batch) -> None:
+        async with batch.lock:
+            await self._finish(batch)
 
     async def _finish(self, batch: _Batch) -> None:
         """Ends a batch, whose lock we hold; what is not done is cancelled."""
@@ -264,14 +325,14 @@ class Batches:
             return
         record.cancelled = record.total - record.done - record.failed
         record.finished = time.time()
-        batch.items.clear()
+        batch.drop()
         for task in batch.running:
             task.cancel()
         try:
             await asyncio.to_thread(self._store.save, record)
-        except OSError as error:
+            batch.results.close()
+        except Exception as error:
             log(event="the record of a batch cannot be kept", batch=record.id, error=repr(error))
-        batch.results.close()
         self._batches.pop(record.id, None)
         batch.tell()
 

@@ -82,6 +82,7 @@ def plan_file(asked: argparse.Namespace, settings: Settings) -> None:
 
     wanted = find_format(asked.format)
     request = read_json(asked.request.read_bytes())
+    _compile_kernels()
     with _problem(request, asked.map, settings) as problem:
         if not wanted.suits(problem.robot.drive.kind):
             raise refuse_drive(wanted, problem.robot.drive.kind)
@@ -163,6 +164,23 @@ def _draw(plan: Any, problem: Problem, to: Path) -> None:
     if to.suffix not in (".svg", ".png"):
         raise OSError(f"{to} is neither an .svg nor a .png")
     to.write_bytes(FORMATS[to.suffix[1:]].write(plan, problem))
+
+
+def _compile_kernels() -> None:
+    """Compiles the kernels at the first start on this machine, and says so on standard error."""
+    from planner.kernels import make_ready
+
+    began: float | None = None
+
+    def progress(done: int, total: int) -> None:
+        nonlocal began
+        if began is None:
+            began = time.perf_counter()
+            print("compiling kernels, once per machine: ", end="", file=sys.stderr, flush=True)
+
+    make_ready(progress)
+    if began is not None:
+        print(f"{time.perf_counter() - began:.0f} s", file=sys.stderr)
 
 
 def _list_settings(settings: Settings) -> None:

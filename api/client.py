@@ -142,7 +142,8 @@ class Client:
         try:
             with self._stream("GET", f"{place}/results", timeout=None) as answer:
                 for line in answer.iter_lines():
-                    yield _result(json.loads(line))
+                    if line:  # an empty one says that the batch still runs
+                        yield _result(json.loads(line))
             finished = True
         finally:
             if not finished:

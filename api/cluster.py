@@ -10,9 +10,8 @@ import asyncio
 import pickle
 import time
 import uuid
-from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -23,6 +22,7 @@ from distributed.scheduler import KilledWorker
 
 from api.apart import apart
 from api.errors import Refusal
+from api.fair_queue import Ticket
 from api.log import adopt, log
 from api.scheduler import RETRY_AFTER, Loss, Scheduler
 from api.supervisor import NAME, Supervisor, carry, reported
@@ -43,7 +43,16 @@ _TRAVEL = 10.0
 _LOSSES: dict[str, Loss] = {"deadline-exceeded": "deadline", "worker-crashed": "crashed"}
 
 
-class Cluster(Scheduler):
+@dataclass(eq=False, slots=True, kw_only=True)
+class _Turn(Ticket):
+    """A place in the queue, and its turn to submit a job."""
+
+    given: asyncio.Future[None]
+    job: asyncio.Task[Any] | None = None
+    refusal: Refusal | None = None
+
+
+class Cluster(Scheduler[_Turn]):
     """The processes of a Dask cluster, for all servers that use it. `address`: of the Dask scheduler, as
     tcp://host:port."""
 
@@ -56,8 +65,6 @@ class Cluster(Scheduler):
         self._stopped = False
         self._client: Client | None = None
         self._connection: asyncio.Task[None] | None = None
-        self._running = 0
-        self._waiting: deque[asyncio.Future[None]] = deque()
         self._jobs: set[asyncio.Task[Any]] = set()
         self._begun: dict[str, asyncio.Future[str]] = {}
 
@@ -78,8 +85,8 @@ class Cluster(Scheduler):
         return self.size
 
     @property
-    def outstanding(self) -> int:
-        return self._running + len(self._waiting)
+    def spare(self) -> int:
+        return max(0, self.size - self._queue.held)
 
     def start(self) -> None:
         self._connection = asyncio.create_task(self._connect())
@@ -88,19 +95,32 @@ class Cluster(Scheduler):
         self,
         function: Callable[..., Any],
         args: tuple[Any, ...],
+        asked: Ticket,
         deadline: float,
         progress: Callable[[Any], None] | None,
-        learn: bool,
     ) -> Any:
-        job = asyncio.create_task(self._carry(pickle.dumps((function, args)), deadline, progress, learn))
+        turn = _Turn(
+            client=asked.client, foreseen=asked.foreseen,
+            given=asyncio.get_running_loop().create_future(),
+        )  # fmt: skip
+        self._queue.add(turn)
+        self._wake()
+        insisting = asyncio.create_task(self._insist(turn))
+        job = turn.job = asyncio.create_task(
+            self._carry(turn, pickle.dumps((function, args)), deadline, progress)
+        )
+        job.add_done_callback(lambda _: self._leave(turn))  # also of a job that is cancelled before it begins
         self._jobs.add(job)
         try:
             return await job
         except asyncio.CancelledError:
+            if turn.refusal is not None and job.cancelled():
+                raise turn.refusal from None
             if self._stopped and job.cancelled():
                 raise Refusal("draining", "Stopped by a shutdown.", retry_after=RETRY_AFTER) from None
             raise
         finally:
+            insisting.cancel()
             self._jobs.discard(job)
 
     async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
@@ -154,41 +174,35 @@ class Cluster(Scheduler):
     def _resize(self, size: int) -> None:
         if size != self.size:
             log(event="cluster", workers=size)
-        self.size = size
+        self._queue.size = size
         self._wake()
 
     def _wake(self) -> None:
-        while self._waiting and self._running < self.size:
-            if not (next_ := self._waiting.popleft()).done():
-                self._running += 1
-                next_.set_result(None)
+        while self.spare and (turn := self._queue.next()) is not None:
+            turn.given.set_result(None)
 
-    async def _take_turn(self) -> None:
-        """First come, first served."""
-        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._waiting.append(turn)
-        self._wake()
-        try:
-            await asyncio.wait({turn}, timeout=self.queue_timeout)
-            if not turn.done():
-                raise self._overloaded(f"No worker was free within {self.queue_timeout:g} s.")
-        except BaseException:
-            if turn.done():  # it was given and not taken
-                self._end_turn()
-            raise
-        finally:
-            with suppress(ValueError):
-                self._waiting.remove(turn)
+    def _shed(self, turn: _Turn, detail: str) -> None:
+        self._queue.discard(turn)
+        refusal = self._overloaded(detail, self._queue.expected_wait(turn))
+        if not turn.given.done():
+            turn.given.set_exception(refusal)
+        elif turn.job is not None:
+            turn.refusal = refusal
+            turn.job.cancel()
 
-    def _end_turn(self) -> None:
-        self._running -= 1
-        self._wake()
+    def _leave(self, turn: _Turn) -> None:
+        self._queue.discard(turn)
+        if turn.given.done() and turn.given.exception() is None:
+            self._queue.done(turn, time.monotonic() - turn.begun)
+            self._wake()
 
     async def _carry(
-        self, payload: bytes, deadline: float, progress: Callable[[Any], None] | None, learn: bool
+        self, turn: _Turn, payload: bytes, deadline: float, progress: Callable[[Any], None] | None
     ) -> Any:
-        await self._take_turn()
-        began = time.monotonic()
+        await asyncio.wait({turn.given}, timeout=self.queue_timeout)
+        if not turn.given.done():
+            self._shed(turn, f"No worker was free within {self.queue_timeout:g} s.")
+        turn.given.result()
         try:
             return await self._have_done(payload, deadline, progress)
         except Refusal as refusal:
@@ -198,10 +212,6 @@ class Cluster(Scheduler):
         except asyncio.CancelledError:
             self._count("cancelled")
             raise
-        finally:
-            if learn:
-                self._took(time.monotonic() - began)
-            self._end_turn()
 
     def _count(self, loss: Loss) -> None:
         self.losses[loss] += 1

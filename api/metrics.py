@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from prometheus_client import CollectorRegistry, Counter, Histogram, ProcessCollector
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -24,7 +25,7 @@ _RATIOS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
 class Metrics:
     """The metrics of one application, in a registry of their own."""
 
-    def __init__(self, pool: Scheduler, batches: Batches, bodies: Allowance) -> None:
+    def __init__(self, pool: Scheduler[Any], batches: Batches, bodies: Allowance) -> None:
         self.registry = CollectorRegistry()
         ProcessCollector(registry=self.registry)
         self.registry.register(_Workers(pool))
@@ -54,7 +55,7 @@ class Metrics:
 
 
 class _Workers(Collector):
-    def __init__(self, pool: Scheduler) -> None:
+    def __init__(self, pool: Scheduler[Any]) -> None:
         self.pool = pool
 
     def collect(self) -> Iterator[Metric]:
@@ -62,6 +63,9 @@ class _Workers(Collector):
         yield GaugeMetricFamily("wheelplan_workers_idle", "Workers with nothing to do.", self.pool.spare)
         yield GaugeMetricFamily("wheelplan_queue_depth", "Plans that wait for a worker.", self.pool.queued)
         yield CounterMetricFamily("wheelplan_worker_restarts", "Workers replaced.", self.pool.restarts)
+        yield CounterMetricFamily(
+            "wheelplan_workers_recycled", "Workers replaced after they had done enough.", self.pool.recycled
+        )
         lost = CounterMetricFamily("wheelplan_workers_lost", "Workers killed or dead.", labels=["reason"])
         for reason in LOSSES:
             lost.add_metric([reason], self.pool.losses[reason])
@@ -77,6 +81,9 @@ class _Batches(Collector):
         yield GaugeMetricFamily("wheelplan_batches", "Batches that have not ended.", self.batches.running)
         yield GaugeMetricFamily(
             "wheelplan_batch_items", "Requests of batches that wait for a worker.", self.batches.waiting
+        )
+        yield CounterMetricFamily(
+            "wheelplan_batches_set_aside", "Batches on disk that could not be read.", self.batches.set_aside
         )
 
 

@@ -11,6 +11,7 @@ import traceback
 import uuid
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 from opentelemetry import trace
 from starlette.datastructures import Headers, MutableHeaders
@@ -19,7 +20,9 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.bounds import PROBES, Allowance
+from api.clients import client_of
 from api.errors import Refusal, problem_response
+from api.fair_queue import Ticket
 from api.log import log
 from api.metrics import Metrics
 from api.scheduler import Scheduler
@@ -155,12 +158,13 @@ class _Body:
 
 
 class Gate:
-    """ASGI middleware: while no plan is taken, refuses requests to this route before they are routed or read.
+    """ASGI middleware: while no plan of a client is taken, refuses its requests to this route before they are
+    routed or read.
 
     What refusing costs, the workers lack.
     """
 
-    def __init__(self, app: ASGIApp, route: Route, scheduler: Scheduler, metrics: Metrics) -> None:
+    def __init__(self, app: ASGIApp, route: Route, scheduler: Scheduler[Any], metrics: Metrics) -> None:
         self.app = app
         self.route = route
         self.scheduler = scheduler
@@ -169,7 +173,7 @@ class Gate:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http" and scope["path"] == self.route.path and scope["method"] == "POST":
             try:
-                self.scheduler.admit()
+                self.scheduler.admit(Ticket(client=client_of(scope)))
             except Refusal as refusal:
                 scope["route"] = self.route
                 self.metrics.refused.labels(refusal.code).inc()

@@ -1,30 +1,27 @@
-"""Folders that libraries write to, where the only one that can be written to is our own."""
+"""Folders that libraries write to, if the only writable one is our own."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 from pathlib import Path
 
 __all__ = ["keep_to"]
 
-_FOLDERS = {"TMPDIR": "tmp", "NUMBA_CACHE_DIR": "kernels", "MPLCONFIGDIR": "matplotlib"}
+_FOLDERS = {"TMPDIR": "tmp", "MPLCONFIGDIR": "matplotlib"}
 """By the environment variable that says where they are."""
 
 
 def keep_to(data_dir: Path) -> None:
     """Moves those folders that are named but read-only, as in a container whose only volume is data_dir, to
-    data_dir/cache, kernels included. To be called before numba is imported, which looks only once."""
+    data_dir/cache. The kernel cache finds a place by itself."""
     for variable, name in _FOLDERS.items():
         given = os.environ.get(variable)
         if given and not _is_writable(Path(given)):
             place = data_dir.absolute() / "cache" / name
             place.mkdir(parents=True, exist_ok=True)
-            if Path(given).is_dir() and variable != "TMPDIR":
-                shutil.copytree(given, place, dirs_exist_ok=True)
             os.environ[variable] = str(place)
-    tempfile.tempdir = None  # it, too, looks only once
+    tempfile.tempdir = None  # it looks only once
 
 
 def _is_writable(folder: Path) -> bool:

@@ -9,6 +9,7 @@ from fastapi.responses import StreamingResponse
 
 from api.batch_schemas import BatchAnswer, BatchRequest
 from api.batches import Batches
+from api.clients import client_of
 from api.http import json_only, json_response, problems, read_model, request_body, settings_of
 from api.maps import room_or_refusal
 from api.negotiation import choose
@@ -45,7 +46,7 @@ async def create_batch(request: Request) -> Response:
     batches.admit()  # before the body is read
     asked = await read_model(request, BatchRequest, settings_of(request).max_batch_bytes)
     with room_or_refusal():
-        document = await batches.add(asked.requests)
+        document = await batches.add(asked.requests, client_of(request.scope))
     return json_response(document, 202, {"Location": f"/v1/batches/{document['id']}"})
 
 
@@ -67,15 +68,16 @@ async def get_batch(request: Request, id: BatchId) -> Response:
     response_class=StreamingResponse,
     responses={
         200: {
-            "description": "A JSON object a line, in the order in which they were finished.",
+            "description": "A JSON object a line, in the order in which they were finished. An empty line "
+            "after every 10 s without one says that the batch still runs.",
             "content": {NDJSON: {"schema": {"$ref": "#/components/schemas/BatchLine"}}},
         },
         **problems("unknown-batch"),
     },
 )
 async def get_results(request: Request, id: BatchId) -> Response:
-    """All results from the first on. While the batch runs, the answer stays open and ends with it. A client
-    that leaves does not stop the batch, and may come back."""
+    """All results from the first on. While the batch runs, the answer stays open and ends with it; skip empty
+    lines. A client that leaves does not stop the batch, and may come back."""
     choose(request.headers.get("accept"), [NDJSON])
     return StreamingResponse(await _batches(request).lines(id), media_type=NDJSON)
 

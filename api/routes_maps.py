@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Annotated
+from typing import Annotated, Any
 
 import anyio
 from fastapi import APIRouter, Depends, Path, Request, Response
@@ -80,7 +80,7 @@ def _store(request: Request) -> MapStore:
 async def upload_map(request: Request) -> Response:
     """Stores a map under the SHA-256 of its decoded content."""
     settings, store = settings_of(request), _store(request)
-    scheduler: Scheduler = request.app.state.pool
+    scheduler: Scheduler[Any] = request.app.state.pool
     async with (
         _parts(request, settings.max_map_bytes) as (description, image),
         request.app.state.decoding,  # one at a time: a decoded map is large

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
@@ -26,7 +28,7 @@ async def livez() -> Response:
 @router.get("/readyz", summary="Can it plan?", response_model=HealthAnswer, responses=problems("draining"))
 async def readyz(request: Request) -> Response:
     """Ready while workers are up, do not die one after the other, and no shutdown has begun."""
-    pool: Scheduler = request.app.state.pool
+    pool: Scheduler[Any] = request.app.state.pool
     if trouble := pool.trouble:
         raise Refusal("draining", trouble, retry_after=5 if pool.ready else 1)
     return json_response({"status": "ready", "workers": pool.live})

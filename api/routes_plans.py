@@ -12,9 +12,12 @@ from fastapi.responses import StreamingResponse
 from starlette.datastructures import State
 
 from api.answers import PlanAnswer
+from api.clients import client_of
 from api.convert import FindMap, to_problem
 from api.errors import Refusal, problem_document
+from api.fair_queue import Ticket
 from api.formats import BY_MEDIA_TYPE, FORMATS, Format, find_format, formats_for, refuse_drive
+from api.heartbeat import with_heartbeat
 from api.http import body_response, leased_maps, problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
@@ -25,7 +28,7 @@ from api.spool import Spool, pieces
 from planner.errors import PlanningError
 from planner.problem import Problem
 
-__all__ = ["answered", "router"]
+__all__ = ["answered", "router", "ticket_for"]
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
@@ -67,7 +70,9 @@ async def create_plan(
 
     As text/event-stream, with effort best: each better plan as it is found. An event `plan` holds
     {"plan": what the JSON answer would be, "elapsed": s of planning, "final": whether it is the last}; an
-    event `problem` holds the problem document, where the rest of the work was lost after a first plan.
+    event `problem` holds the problem document, where the work failed after the answer had begun: with the
+    first plan, or after 10 s. After every 10 s without an event comes a comment, a line that begins with a
+    colon.
     """
     state, settings = request.app.state, settings_of(request)
     _wanted(request, format)
@@ -76,13 +81,13 @@ async def create_plan(
         to_problem, asked, find_map, settings.max_time_budget, settings.max_samples
     )
     wanted = _wanted(request, format, problem.robot.drive.kind)
+    ticket = ticket_for(problem, client_of(request.scope))
     if wanted is _EVENTS:
         events: asyncio.Queue[bytes | Spool | None] = asyncio.Queue()
-        return await _stream(
-            request, answered(state, problem, stream_plan, progress=events.put_nowait), events
-        )
+        work = answered(state, problem, ticket, stream_plan, progress=events.put_nowait)
+        return await _stream(request, work, events)
     compress = accepts_gzip(request.headers.get("accept-encoding"))
-    work = answered(state, problem, answer_plan, wanted.media_type, compress)
+    work = answered(state, problem, ticket, answer_plan, wanted.media_type, compress)
     answer: Answer | None = await while_connected(request, work)
     if answer is None:
         return Response(status_code=_GONE)
@@ -90,24 +95,28 @@ async def create_plan(
     return body_response(answer.body, headers, wanted.media_type)
 
 
+def ticket_for(problem: Problem, client: str) -> Ticket:
+    """A plan's place in the queue."""
+    options = problem.options
+    return Ticket(client=client, foreseen=options.time_budget if options.effort == "best" else None)
+
+
 async def answered(
     state: State,
     problem: Problem,
+    ticket: Ticket,
     function: Callable[..., Answer],
     *args: Any,
     progress: Callable[[Any], None] | None = None,
 ) -> Answer:
     """What function(problem, *args) answers in a worker; counted. Raises PlanningError and Refusal."""
-    scheduler: Scheduler = state.pool
+    scheduler: Scheduler[Any] = state.pool
     metrics: Metrics = state.metrics
-    budget, effort = problem.options.time_budget, problem.options.effort
+    deadline = problem.options.time_budget + state.settings.deadline_grace
     try:
         answer: Answer = await scheduler.run(
-            function, problem, *args,
-            deadline=budget + state.settings.deadline_grace,
-            foreseen=budget if effort == "best" else None,
-            progress=progress,
-        )  # fmt: skip
+            function, problem, *args, deadline=deadline, ticket=ticket, progress=progress
+        )
     except (PlanningError, Refusal) as error:
         metrics.refused.labels(error.code).inc()
         raise
@@ -123,7 +132,8 @@ async def _stream(
     gone = asyncio.ensure_future(_disconnect(request))
     for end in (job, gone):
         end.add_done_callback(lambda _: events.put_nowait(None))
-    first = await events.get()
+    told = with_heartbeat(events.get, b": still planning\n\n")
+    first = await anext(told)
     if first is None and job.done() and job.exception() is not None:
         gone.cancel()
         await job
@@ -134,7 +144,7 @@ async def _stream(
             while event is not None:
                 async for piece in pieces(event):
                     yield piece
-                event = await events.get()
+                event = await anext(told)
             if job.done():
                 try:
                     async for piece in pieces(job.result().body):

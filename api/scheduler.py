@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
 from api.errors import Refusal
+from api.fair_queue import FairQueue, Ticket
 
 __all__ = ["LOSSES", "RETRY_AFTER", "Loss", "Scheduler"]
 
@@ -21,44 +23,45 @@ LOSSES: tuple[Loss, ...] = ("deadline", "cancelled", "stopped", "memory", "crash
 RETRY_AFTER = 1
 """The least that a client who is turned away is told to wait, s."""
 
-_OF_LATE = 16
-"""What jobs take is averaged over about so many."""
-
-_BENEFIT = 4
-"""The first jobs are averaged with so many that took no time: one alone says little."""
-
 _FILLED = 2 / 3
 """The queue is filled up to this share of queue_wait. Thirty jobs, whose times are spread exponentially, take
 half as long again as expected in one case of twenty."""
 
 
-class Scheduler(ABC):
-    """Runs one function call a worker at a time, in processes that it may kill, and has a queue before them.
+T = TypeVar("T", bound=Ticket)
+
+
+class Scheduler(ABC, Generic[T]):
+    """Runs one function call a worker at a time, in processes that it may kill, and has a queue before them
+    that is fair between clients (`api.fair_queue`).
 
     size           workers that it has or is about to have
     queue_length   jobs that may wait for a worker
-    queue_wait     s; a job is refused where those before it are expected to keep the workers for longer,
-                   unless fewer wait than there are workers
+    queue_wait     s; a job is refused if it is expected to wait for longer, unless hardly any job waits;
+                   jobs that take longer leave a worker to other clients
     queue_timeout  s; no job waits longer, whatever was expected
 
     shed      jobs refused so far because too many waited
-    restarts  workers replaced so far
+    restarts  workers replaced so far because they were lost
+    recycled  workers replaced so far because they had done enough
     losses    workers killed or dead so far, by reason
     draining  whether a shutdown has begun
     """
 
     def __init__(self, size: int, queue_length: int, queue_wait: float, queue_timeout: float) -> None:
-        self.size = size
+        self._queue: FairQueue[T] = FairQueue(size, queue_wait)
         self.queue_length = queue_length
         self.queue_wait = queue_wait
         self.queue_timeout = queue_timeout
         self.shed = 0
         self.restarts = 0
+        self.recycled = 0
         self.losses: Counter[Loss] = Counter()
         self.draining = False
-        self._typical = 0.0
-        self._learnt_from = _BENEFIT
-        self._foreseen: list[float] = []
+
+    @property
+    def size(self) -> int:
+        return self._queue.size
 
     @property
     @abstractmethod
@@ -77,62 +80,58 @@ class Scheduler(ABC):
 
     @property
     @abstractmethod
-    def outstanding(self) -> int:
-        """Jobs that wait or are being done. A worker that is being replaced counts as one."""
+    def spare(self) -> int:
+        """Idle workers: no job waits that they may take."""
 
     @property
     def queued(self) -> int:
         """Jobs that wait for a worker."""
-        return max(0, self.outstanding - self.size)
+        return len(self._queue)
 
-    @property
-    def spare(self) -> int:
-        """Idle workers that no queued job will take."""
-        return max(0, self.size - self.outstanding)
-
-    @property
-    def expected_wait(self) -> float:
-        """How long the jobs there are will keep the workers (s), going by what jobs took of late where it is
-        not foreseen."""
-        others = self.outstanding - len(self._foreseen)
-        return (sum(self._foreseen) + others * self._typical) / max(1, self.size)
+    def starts(self, ticket: Ticket) -> bool:
+        """Whether such a job would be given a worker at once."""
+        return self.ready and self.spare > 0 and self._queue.may_start(ticket)
 
     @abstractmethod
     def start(self) -> None:
         """Begins to bring the workers up; called once, in the event loop that all jobs come from."""
 
-    def admit(self) -> None:
-        """Raises Refusal where a job would not be taken at present: draining, overloaded."""
+    def admit(self, ticket: Ticket) -> None:
+        """Raises Refusal where such a job would not be taken at present: draining, overloaded."""
         if not self.ready:
             raise Refusal("draining", str(self.trouble), retry_after=RETRY_AFTER)
-        waiting = self.outstanding - self.size
-        late = self.expected_wait > _FILLED * self.queue_wait
-        if waiting >= self.queue_length or (waiting >= self.size and late):
-            raise self._overloaded(f"{self.queued} plans already wait for {self.size} workers.")
+        if self.starts(ticket):
+            return
+        wait = self._queue.expected_wait(ticket)
+        if len(self._queue) >= self.queue_length and not self._queue.last_of_the_longest(ticket.client):
+            raise self._overloaded(f"{self.queued} plans already wait for {self.size} workers.", wait)
+        if wait > _FILLED * self.queue_wait and not self._queue.has_room(ticket.client):
+            raise self._overloaded(
+                f"This plan would wait for {wait:.1f} s; {self.queued} wait already.", wait
+            )
 
     async def run(
         self,
         function: Callable[..., Any],
         *args: Any,
         deadline: float,
-        foreseen: float | None = None,
+        ticket: Ticket | None = None,
         progress: Callable[[Any], None] | None = None,
     ) -> Any:
         """What function(*args) returns or raises in a worker. The function is one of a module's.
 
-        deadline s from the moment a worker takes the job; then its process is killed. foreseen is how long
-        the job will keep the worker (s), where that is known. progress is called, in the event loop, with
-        each value that the function hands to `api.workers.report`. If the caller is cancelled, so is the job.
+        deadline s from the moment a worker takes the job; then its process is killed. ticket: whose job it
+        is, and how long it will keep the worker. progress is called, in the event loop, with each value that
+        the function hands to `api.workers.report`. If the caller is cancelled, so is the job.
         Raises Refusal: draining, overloaded, deadline-exceeded, worker-crashed.
         """
-        self.admit()
-        known = [] if foreseen is None else [foreseen]
-        self._foreseen += known
-        try:
-            return await self._run(function, args, deadline, progress, learn=foreseen is None)
-        finally:
-            for seconds in known:
-                self._foreseen.remove(seconds)
+        asked = ticket or Ticket()
+        self.admit(asked)
+        if not self.starts(asked) and len(self._queue) >= self.queue_length:
+            last = self._queue.last_of_the_longest(asked.client)
+            assert last is not None
+            self._shed(last, "Another client's plan took this one's place in the queue.")
+        return await self._run(function, args, asked, deadline, progress)
 
     @abstractmethod
     async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
@@ -144,11 +143,22 @@ class Scheduler(ABC):
         self,
         function: Callable[..., Any],
         args: tuple[Any, ...],
+        asked: Ticket,
         deadline: float,
         progress: Callable[[Any], None] | None,
-        learn: bool,
     ) -> Any:
-        """`run`, of a job that is let in. learn: whether `_took` should hear what it took."""
+        """`run`, of a job that is let in."""
+
+    async def _insist(self, ticket: T) -> None:
+        """Each queue_wait that this job waits: stops a job of a client that holds more than its share."""
+        while True:
+            await asyncio.sleep(self.queue_wait)
+            if ticket in self._queue and (excess := self._queue.excess(ticket.client)) is not None:
+                self._shed(excess, "The plan was stopped for another client, who waits for a worker.")
+
+    @abstractmethod
+    def _shed(self, ticket: T, detail: str) -> None:
+        """Refuses a job that waits or is being done: overloaded."""
 
     @abstractmethod
     async def drain(self, grace: float) -> None:
@@ -162,14 +172,7 @@ class Scheduler(ABC):
     def kill(self) -> None:
         """The same without an event loop, where one has ended too soon."""
 
-    def _overloaded(self, detail: str) -> Refusal:
-        """The refusal of a job, counted."""
+    def _overloaded(self, detail: str, wait: float) -> Refusal:
+        """The refusal of a job, counted. wait: what it is told to wait, s."""
         self.shed += 1
-        wait = max(RETRY_AFTER, math.ceil(self.expected_wait))
-        return Refusal("overloaded", detail, retry_after=wait)
-
-    def _took(self, seconds: float) -> None:
-        """Learns how long a worker was busy with a job. A rare long one says little of those to come, so
-        that it counts as queue_wait at most."""
-        self._learnt_from = min(self._learnt_from + 1, _OF_LATE)
-        self._typical += (min(seconds, self.queue_wait) - self._typical) / self._learnt_from
+        return Refusal("overloaded", detail, retry_after=max(RETRY_AFTER, math.ceil(wait)))

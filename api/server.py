@@ -14,6 +14,7 @@ from api.app import create_app
 from api.log import log, logging_to_stderr
 from api.protocol import Protocol
 from api.settings import Settings
+from api.worker import adopt_orphans, stop_fork_server
 
 __all__ = ["serve"]
 
@@ -29,6 +30,7 @@ def serve(settings: Settings) -> int:
 
 def _serve(settings: Settings) -> int:
     _allow_files(2 * settings.max_connections + _OTHER_FILES)
+    adopt_orphans()
     try:
         app = create_app(settings)
     except (OSError, ValueError) as error:
@@ -43,12 +45,15 @@ def _serve(settings: Settings) -> int:
         http=Protocol,
         timeout_graceful_shutdown=5,
         server_header=False,
+        proxy_headers=bool(settings.forwarded_allow_ips),
+        forwarded_allow_ips=settings.forwarded_allow_ips,
     )
     server = _Server(config, app)
     try:
         server.run()
     finally:
         app.state.pool.kill()  # where a second signal has cut the shutdown short
+        stop_fork_server()
     return 0 if server.started else 1
 
 

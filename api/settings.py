@@ -50,12 +50,16 @@ class Settings:
     port: Annotated[int, "port to listen on"] = 8000
     data_dir: Annotated[Path, "maps live in its folder maps"] = field(default_factory=_default_data_dir)
     tokens_file: Annotated[Path | None, "bearer tokens, one a line; clients must send one of them"] = None
+    forwarded_allow_ips: Annotated[
+        str, "addresses of proxies whose X-Forwarded-For names the client, separated by commas; *: all"
+    ] = ""
     workers: Annotated[int, "planning processes, each doing one plan at a time"] = field(
         default_factory=_cores
     )
     worker_memory: Annotated[int, "what a worker may allocate before it is stopped, bytes; 0: anything"] = (
         2 << 30
     )
+    worker_plans: Annotated[int, "plans after which a worker is replaced by a fresh one; 0: never"] = 10_000
     queue_length: Annotated[int, "plans that may wait for a worker before new ones are refused"] = field(
         default_factory=lambda: 64 * _cores()
     )
@@ -85,7 +89,8 @@ class Settings:
     scheduler: Annotated[str, "a Dask scheduler, tcp://host:port, whose workers plan in place of ours"] = ""
 
     def __post_init__(self) -> None:
-        may_be_zero = {"port", "worker_memory", "queue_length", "deadline_grace", "drain_grace"}
+        may_be_zero = {"port", "worker_memory", "worker_plans", "queue_length"}
+        may_be_zero |= {"deadline_grace", "drain_grace"}
         for setting in fields(self):
             name, value = setting.name, getattr(self, setting.name)
             if not isinstance(value, int | float):

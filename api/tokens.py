@@ -10,6 +10,7 @@ from pathlib import Path
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from api.clients import known_by_token
 from api.errors import Refusal, problem_response
 from api.log import log
 
@@ -73,6 +74,7 @@ class Guard:
             return
         scheme, _, token = Headers(scope=scope).get("authorization", "").partition(" ")
         if scheme.lower() == "bearer" and self.tokens.include(token.strip()):
+            known_by_token(scope, token.strip())
             await self.app(scope, receive, send)
             return
         known = 'Bearer realm="wheelplan"' + (', error="invalid_token"' if token else "")

@@ -8,23 +8,27 @@ that they are doing.
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import fcntl
+import math
 import os
 import pickle
 import resource
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from multiprocessing import forkserver, get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, Literal
 
 from api.spool import Spool, dumps, loads, send
 
-__all__ = ["Worker", "report", "stop_starting"]
+__all__ = ["Worker", "adopt_orphans", "report", "stop_fork_server"]
 
 Kind = Literal["taken", "progress", "result", "error"]
 
@@ -33,6 +37,12 @@ _OUT_OF_MEMORY = 97
 
 _LONGEST_START = 600.0
 """The first worker waits for the fork server to import and compile everything, s."""
+
+_UNKNOWN = 255
+"""Exit status of a worker whose fork server has died."""
+
+_SUBREAPER = 36
+"""PR_SET_CHILD_SUBREAPER of Linux."""
 
 _context = get_context("forkserver")
 
@@ -62,6 +72,7 @@ class Worker:
             self._lifeline.close()
             self.kill()
             raise
+        self._swollen = (self._allocated() + memory) / 2 if memory else math.inf
 
     @property
     def pid(self) -> int | None:
@@ -76,6 +87,19 @@ class Worker:
     def out_of_memory(self) -> bool:
         """Whether it has ended at its memory limit."""
         return self.exit_code == _OUT_OF_MEMORY
+
+    @property
+    def swollen(self) -> bool:
+        """Whether half of what it could allocate when it was new is allocated. False except on Linux."""
+        return self._allocated() > self._swollen
+
+    def _allocated(self) -> int:
+        """What its memory limit counts (and its stack), bytes; 0: not known."""
+        try:
+            pages = Path(f"/proc/{self.pid}/statm").read_text().split()[5]
+        except OSError:
+            return 0
+        return int(pages) * resource.getpagesize()
 
     def watch(self) -> None:
         """From now on `ended` is done when the process has ended."""
@@ -113,12 +137,17 @@ class Worker:
                 else:
                     return kind, value
         except (EOFError, OSError):
-            self._process.join(1.0)  # its exit code arrives a little later
+            self.join()  # its exit code arrives a little later
             raise
 
     def kill(self) -> None:
+        """Kills the process."""
         if self._process.pid is not None:
             self._process.kill()
+
+    def join(self) -> None:
+        """Waits for the end of the process, for a second at most."""
+        self._process.join(1.0)
 
     def discard(self) -> None:
         """Kills the process and waits for its end. Nobody may be using the pipe."""
@@ -126,12 +155,38 @@ class Worker:
         self._lifeline.close()
         self._process.join()
         self._pipe.close()
+        # Its fork server has died, so it may have become our child.
+        if self.exit_code == _UNKNOWN and self.pid is not None:
+            _reap(self.pid)
 
 
-def stop_starting() -> None:
-    """Ends the fork server, so that no thread of ours waits any longer for it to import what it should."""
-    if (pid := forkserver._forkserver._forkserver_pid) is not None:  # type: ignore[attr-defined]
-        os.kill(pid, signal.SIGKILL)
+def adopt_orphans() -> None:
+    """Makes workers our children when their fork server dies, so that we can reap them; process 1 may not.
+    Linux only."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+def stop_fork_server() -> None:
+    """Ends the fork server, so that no thread of ours waits any longer for it to import what it should, and
+    waits for its end."""
+    server: Any = forkserver._forkserver
+    with server._lock:
+        if server._forkserver_pid is not None:
+            os.kill(server._forkserver_pid, signal.SIGKILL)
+            server._stop_unlocked()
+
+
+def _reap(pid: int) -> None:
+    """Reaps a killed process that is about to become our child, unless another process does within 1 s."""
+    until = time.monotonic() + 1.0
+    with suppress(ProcessLookupError):
+        while time.monotonic() < until:
+            with suppress(ChildProcessError):  # its old parent's pipes close before we are the new one
+                os.waitpid(pid, 0)
+                return
+            os.kill(pid, 0)
+            time.sleep(0.01)
 
 
 _caller: Connection | None = None

@@ -25,10 +25,11 @@ from opentelemetry import trace
 
 from api.apart import apart
 from api.errors import Refusal
+from api.fair_queue import Ticket
 from api.log import log
 from api.scheduler import RETRY_AFTER, Loss, Scheduler
 from api.settings import Settings
-from api.worker import Worker, report, stop_starting
+from api.worker import Worker, report, stop_fork_server
 
 __all__ = ["Pool", "local_pool", "report"]
 
@@ -41,13 +42,12 @@ _CALM = 5.0
 _tracer = trace.get_tracer("wheelplan")
 
 
-@dataclass(eq=False, slots=True)
-class _Job:
+@dataclass(eq=False, slots=True, kw_only=True)
+class _Job(Ticket):
     payload: bytes
     deadline: float
     answer: asyncio.Future[Any]
     progress: Callable[[Any], None] | None
-    learn: bool
     arrived: int
     taken: int = 0
 
@@ -56,11 +56,13 @@ class _Job:
             self.progress(value)
 
 
-class Pool(Scheduler):
+class Pool(Scheduler[_Job]):
     """`size` workers of this machine, each doing one job at a time.
 
     preload  modules that a worker has imported when it is up
     memory   what a worker may allocate, in bytes; 0: unlimited
+    jobs     a worker is replaced after so many; 0: never. It is also replaced if a job leaves it with half of
+             what it could allocate when it was new
     """
 
     def __init__(
@@ -72,17 +74,19 @@ class Pool(Scheduler):
         queue_wait: float = 60.0,
         queue_timeout: float = 60.0,
         memory: int = 0,
+        jobs: int = 0,
     ) -> None:
         super().__init__(size, queue_length, queue_wait, queue_timeout)
         self._preload = list(preload)
         self._memory = memory
-        self._threads = ThreadPoolExecutor(size, "worker-pipe")
+        self._jobs = jobs
+        # One for each worker, and one to start its replacement.
+        self._threads = ThreadPoolExecutor(2 * size, "worker-pipe")
         self._workers: set[Worker] = set()
         self._keepers: list[asyncio.Task[None]] = []
-        self._waiting: deque[_Job] = deque()
+        self._offers: deque[asyncio.Future[_Job]] = deque()
+        """Of idle workers: each takes the job that is set."""
         self._unanswered: set[asyncio.Future[Any]] = set()
-        self._arrival: asyncio.Future[None]
-        self._idle = 0
         self._starting = 0
         self._started = False
         self._crashes = 0
@@ -110,37 +114,40 @@ class Pool(Scheduler):
         return len(self._workers)
 
     @property
-    def outstanding(self) -> int:
-        return len(self._waiting) + self.size - self._idle
+    def spare(self) -> int:
+        return len(self._offers)
 
     def start(self) -> None:
         for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ.setdefault(variable, "1")
-        self._arrival = asyncio.get_running_loop().create_future()
         self._keepers = [asyncio.create_task(self._keep()) for _ in range(self.size)]
 
     async def _run(
         self,
         function: Callable[..., Any],
         args: tuple[Any, ...],
+        asked: Ticket,
         deadline: float,
         progress: Callable[[Any], None] | None,
-        learn: bool,
     ) -> Any:
         loop = asyncio.get_running_loop()
-        payload = pickle.dumps((function, args, progress is not None))
-        job = _Job(payload, deadline, loop.create_future(), progress, learn, time.time_ns())
+        job = _Job(
+            client=asked.client, foreseen=asked.foreseen,
+            payload=pickle.dumps((function, args, progress is not None)), deadline=deadline,
+            answer=loop.create_future(), progress=progress, arrived=time.time_ns(),
+        )  # fmt: skip
         self._unanswered.add(job.answer)
-        self._waiting.append(job)
-        self._ring()
+        self._queue.add(job)
+        self._dispatch()
+        insisting = asyncio.create_task(self._insist(job))
         giving_up = loop.call_later(self.queue_timeout, self._give_up, job)
         try:
             return await job.answer
         finally:
+            insisting.cancel()
             giving_up.cancel()
             self._unanswered.discard(job.answer)
-            with suppress(ValueError):
-                self._waiting.remove(job)
+            self._queue.discard(job)
             _trace(job)
 
     async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
@@ -149,15 +156,24 @@ class Pool(Scheduler):
         alone = partial(apart, function, *args, preload=self._preload, memory=self._memory)
         return await anyio.to_thread.run_sync(alone)
 
-    def _ring(self) -> None:
-        """Wakes the keepers: there is a job to take."""
-        self._arrival.set_result(None)
-        self._arrival = asyncio.get_running_loop().create_future()
+    def _dispatch(self) -> None:
+        """Gives jobs to idle workers."""
+        while self._offers and (job := self._next()) is not None:
+            self._offers.popleft().set_result(job)
+
+    def _next(self) -> _Job | None:
+        while (job := self._queue.next()) is not None and job.answer.done():
+            self._queue.done(job, 0.0)
+        return job
 
     def _give_up(self, job: _Job) -> None:
-        if job in self._waiting and not job.answer.done():
-            detail = f"No worker was free within {self.queue_timeout:g} s."
-            job.answer.set_exception(self._overloaded(detail))
+        if job in self._queue:
+            self._shed(job, f"No worker was free within {self.queue_timeout:g} s.")
+
+    def _shed(self, job: _Job, detail: str) -> None:
+        self._queue.discard(job)
+        if not job.answer.done():
+            job.answer.set_exception(self._overloaded(detail, self._queue.expected_wait(job)))
 
     async def drain(self, grace: float) -> None:
         self.draining = True
@@ -170,8 +186,10 @@ class Pool(Scheduler):
     def kill(self) -> None:
         for worker in self._workers:
             worker.kill()
+        for worker in self._workers:
+            worker.join()
         if self._starting:
-            stop_starting()
+            stop_fork_server()
 
     async def close(self) -> None:
         self.draining = True
@@ -186,31 +204,59 @@ class Pool(Scheduler):
         self._workers.clear()
 
     async def _keep(self) -> None:
-        worker = await self._start_worker()
-        while True:
-            job = await self._next_job(worker)
-            loss: Loss | None = "crashed"
-            if job:
-                began = time.monotonic()
-                loss = await self._carry(worker, job)
-                if job.learn:
-                    self._took(time.monotonic() - began)
-            if loss:
-                worker = await self._replace(worker, loss)
-
-    async def _next_job(self, worker: Worker) -> _Job | None:
-        """None: the worker has died."""
-        self._idle += 1
+        worker, done = await self._start_worker(), 0
+        fresh: asyncio.Task[Worker] | None = None
         try:
-            while not worker.ended.done():
-                while self._waiting:
-                    job = self._waiting.popleft()
-                    if not job.answer.done():
-                        return job
-                await asyncio.wait({self._arrival, worker.ended}, return_when=asyncio.FIRST_COMPLETED)
-            return None
+            while True:
+                job = await self._next_job(worker, fresh)
+                if job is not None:
+                    done += 1
+                    loss = await self._work(worker, job)
+                elif worker.ended.done():
+                    loss = "crashed"
+                else:  # its replacement is up
+                    loss = None
+                if loss:
+                    await self._bury(worker, loss)
+                    worker, done = await (fresh or self._start_worker()), 0
+                    self.restarts += 1
+                    fresh = None
+                elif fresh is not None and fresh.done():
+                    await self._dismiss(worker)
+                    worker, done, fresh = fresh.result(), 0, None
+                    self.recycled += 1
+                elif fresh is None and (0 < self._jobs <= done or worker.swollen):
+                    fresh = asyncio.create_task(self._start_worker())
         finally:
-            self._idle -= 1
+            if fresh is not None:
+                fresh.cancel()
+
+    async def _next_job(self, worker: Worker, fresh: asyncio.Task[Worker] | None) -> _Job | None:
+        """None: the worker has died, or its replacement is up."""
+        if worker.ended.done() or (fresh is not None and fresh.done()):
+            return None
+        if (job := self._next()) is not None:
+            return job
+        offer: asyncio.Future[_Job] = asyncio.get_running_loop().create_future()
+        self._offers.append(offer)
+        try:
+            ends: set[asyncio.Future[Any]] = {offer, worker.ended, *((fresh,) if fresh else ())}
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            with suppress(ValueError):
+                self._offers.remove(offer)
+        return offer.result() if offer.done() else None
+
+    async def _work(self, worker: Worker, job: _Job) -> Loss | None:
+        """Has the worker do the job. Not None: why the worker is dead or dying."""
+        began = time.monotonic()
+        loss = await self._carry(worker, job)
+        if job.taken or job.answer.done():
+            self._queue.done(job, time.monotonic() - began)
+        else:  # it has not begun, so another worker can do it
+            self._queue.put_back(job)
+        self._dispatch()
+        return loss
 
     async def _carry(self, worker: Worker, job: _Job) -> Loss | None:
         """Has the worker do the job. Not None: why the worker is dead or dying."""
@@ -240,8 +286,6 @@ class Pool(Scheduler):
             loss = "cancelled"
         elif not taken.done():
             loss = "crashed" if exchange.done() else "stopped"
-            self._waiting.appendleft(job)  # it has not begun, so another worker can do it
-            self._ring()
         elif exchange.done():
             loss = "memory" if worker.out_of_memory else "crashed"
             detail = f"The process that planned this request {self._obituary(loss)}. No other is affected."
@@ -257,10 +301,13 @@ class Pool(Scheduler):
     def _obituary(self, loss: Loss) -> str:
         return f"needed more than {self._memory} bytes of memory" if loss == "memory" else "died"
 
-    async def _replace(self, worker: Worker, loss: Loss) -> Worker:
+    async def _dismiss(self, worker: Worker) -> None:
         self._workers.discard(worker)
         worker.unwatch()
         await asyncio.get_running_loop().run_in_executor(self._threads, worker.discard)
+
+    async def _bury(self, worker: Worker, loss: Loss) -> None:
+        await self._dismiss(worker)
         log(event="worker lost", reason=loss, pid=worker.pid, exit_code=worker.exit_code)
         self.losses[loss] += 1
         if loss not in ("deadline", "cancelled"):
@@ -268,9 +315,6 @@ class Pool(Scheduler):
             self._last_crash = time.monotonic()
         if self.crash_loop:
             await asyncio.sleep(RETRY_AFTER)
-        replacement = await self._start_worker()
-        self.restarts += 1
-        return replacement
 
     async def _start_worker(self) -> Worker:
         failures = 0
@@ -318,4 +362,5 @@ def local_pool(settings: Settings, size: int) -> Pool:
         queue_wait=settings.queue_wait,
         queue_timeout=settings.queue_timeout,
         memory=settings.worker_memory,
+        jobs=settings.worker_plans,
     )

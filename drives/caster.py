@@ -20,9 +20,9 @@ import cmath
 import math
 
 import numpy as np
-from numba import njit
 
 from drives.drive import ActuatorPath, BodyPath
+from drives.kernels import kernel
 from drives.se2 import Array
 from drives.wheel import velocity_at
 
@@ -49,7 +49,7 @@ def caster_law(
     return ActuatorPath(*_law(tangent[:, 2].copy(), p, dp, beta, radius, offset))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _law(
     turn: Array, p: Array, dp: Array, beta: Array, radius: float, offset: float
 ) -> tuple[Array, Array, Array, Array]:
@@ -65,7 +65,7 @@ def _law(
     return w, dw, beta, slope
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _swing(
     s: Array, turn: Array, turn_change: Array, p: Array, dp: Array, start: Array, offset: float
 ) -> Array:
@@ -102,12 +102,12 @@ def _swing(
 _GAUSS = math.sqrt(3) / 6
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _size(q: complex, t: float) -> float:
     return math.sqrt(q.real * q.real + q.imag * q.imag) + abs(t)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _steps(size: float, change: float, turn: float) -> int:
     """How many steps an interval takes, over which the linear system's matrix, of this size, changes by
     `change`: what the fourth-order series leaves out goes with its commutators. In one step the body turns by
@@ -117,13 +117,13 @@ def _steps(size: float, change: float, turn: float) -> int:
     return int(min(max(math.ceil(needed), 1), FINEST)) if math.isfinite(needed) else 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cubic(begin: complex, rise: complex, first: complex, last: complex, u: float) -> complex:
     """Hermite's cubic over [0, 1] at u, its slopes at the ends `first` and `last`."""
     return begin + u * (first + u * (3 * rise - 2 * first - last + u * (first + last - 2 * rise)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _magnus(t1: float, t2: float, q1: complex, q2: complex, h: float, back: complex) -> complex:
     """α + γ·back, up to a positive factor, of the step over h of [i·t q; q̄ -i·t], given t and q at the
     interval's two Gauss points."""

@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numba import njit
 
 from drives.drive import InadmissibleTwist, InvalidDrive
+from drives.kernels import kernel
 from drives.se2 import Array
 
 __all__ = ["count", "distinct", "lengths", "number", "refuse_beyond", "refuse_sideways"]
@@ -58,7 +58,7 @@ def refuse_sideways(kind: str, twists: Array) -> None:
         raise InadmissibleTwist(f"vy is {twists[i, 1]:g}, but the {kind} drive does not move sideways")
 
 
-@njit(cache=True)
+@kernel
 def _first_sideways(twists: Array) -> int:
     """The first of twists (n, 3) whose vy is more than round-off, or -1."""
     for i in range(len(twists)):

@@ -161,6 +161,11 @@ class Drive(ABC):
         """Names of the k steered wheels, in the contract's order."""
         return ()
 
+    def steered_headings(self, steering: Array) -> Array | None:
+        """The pose's headings (n, k) rad, modulo 2π, that steering angles (n, k) mean if theta is the heading
+        of the steered wheels (synchro), else None."""
+        return None
+
     @property
     def settled(self) -> Drive:
         """The drive that this one rolls like once trailing wheels have swung round."""

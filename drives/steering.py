@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from drives.checks import STEERING_TOLERANCE
 from drives.drive import ActuatorPath, BodyPath, InadmissibleTwist, WheelState
+from drives.kernels import kernel
 from drives.se2 import Array, Twist
 from drives.wheel import velocity_at
 
@@ -67,7 +67,7 @@ def steer(
     return ActuatorPath(w * sense, dw * sense, delta + np.pi * turns, slope)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _steered(
     x: Array, y: Array, radius: float, s: Array, tangent: Array, change: Array, hold: Array
 ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
@@ -144,7 +144,7 @@ def _half_turns(delta: Array, near: Array | None, limit: float) -> Array:
     return np.clip(wanted, least, most)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _runs_through_zero(h: float, p: Array, dp: Array, i: int, k: int, near: float) -> bool:
     """Whether p (n, 2), a cubic of length h between samples i and k, comes within `near` of zero there."""
     if not p[i, 0] * p[k, 0] + p[i, 1] * p[k, 1] < 0.0:

@@ -44,6 +44,9 @@ class Synchro(Drive):
     def fixed_body_heading(self) -> float | None:
         return self.body_heading
 
+    def steered_headings(self, steering: Array) -> Array | None:
+        return steering + self.body_heading
+
     def rolling_law(self) -> Rolling:
         m = self.wheel_count
         rows = np.tile([1 / self.wheel_radius, 0.0, 0.0], (m, 1))

@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from drives.kernels import kernel
 from drives.se2 import Array
 
 __all__ = ["Module", "SwedishWheel", "fixed_motion", "rigid_motion", "rolling_row", "velocity_at"]
@@ -83,7 +83,7 @@ _ONE_POINT = 1e-14
 """Σ|q - q̄|² ≤ this · Σ|q|² of contacts q: they count as one point."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _rigid_motion(
     x: Array, y: Array, radius: float, trail: float, rates: Array, steering: Array, swing: Array
 ) -> tuple[Array, Array]:
@@ -144,7 +144,7 @@ def fixed_motion(rows: Array, pseudo: Array, travel: Array, rates: Array) -> tup
     return twist.T, slip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _fixed_motion(rows: Array, pseudo: Array, travel: Array, rates: Array) -> tuple[Array, Array]:
     """fixed_motion of columns: rates (m, n), twists (3, n). The innermost loops are vectorized."""
     m, n = rates.shape

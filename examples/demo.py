@@ -57,8 +57,8 @@ def service(folder: Path) -> Iterator[str]:
 
 
 def wait_until_ready(process: subprocess.Popen[bytes], url: str) -> None:
-    """Wait for the service. Its first start compiles the collision kernels; later ones find them cached."""
-    deadline = time.monotonic() + 180
+    """Wait for the service. The first start on a machine compiles the kernels; later ones load them."""
+    deadline = time.monotonic() + 600
     while time.monotonic() < deadline:
         if process.poll() is not None:
             raise Failure(f"the service stopped with status {process.returncode}")

@@ -33,6 +33,8 @@ MAX_WAY = 1e5
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (8, 10)
 """Ways to the goal: direct ones; those found by search, and how many where all turn back."""
 _GOOD_TRIES, _GOOD_ROUNDS, _BEST_ROUNDS = 3, 1, 6
+_DRAWS = 1_000_000
+"""What is added to the seed for the search that goes on at effort best."""
 _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
@@ -62,12 +64,12 @@ class Candidate:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Way:
     """A path to a goal: who found it, what it was before it was shortened, and the motion along it with
-    stops, where that is known."""
+    stops, if that is known."""
 
     planner: str
     path: Path
     found: Path
-    timed: Phases | None
+    timed: Phases | None = None
 
     def stopping(self, timed: Phases) -> Candidate:
         return Candidate(self.planner, timed, self.found)
@@ -78,176 +80,199 @@ def candidates(
 ) -> Iterator[list[Candidate]]:
     """Motions to choose from, each list with the fastest first; at least one motion, or a PlanningError.
 
-    Effort first: one, with stops. Good: one list of a few, one of them as quick with stops as first's, and of
-    what optimizing the best of them gives; then, for those whom no optimized one of these will do, what
-    optimizing them with patience gives. Best: list after list as time allows, of whatever is found: with
-    stops, then optimized.
+    Every effort begins with all that the one below it does, so its plan is no slower. First: one motion, with
+    stops. Good: one list of that motion and of what optimizing a few ways gives; then, if none of these will
+    do, what optimizing the others with patience gives. Best: list after list as time allows, of whatever is
+    found: with stops, then optimized.
     """
-    effort, drive, limits = problem.options.effort, problem.robot.drive, problem.robot.limits
-    optimizer = Optimizer(problem, local.world, watch.is_over)
+    effort, limits = problem.options.effort, problem.robot.limits
+    quick = connector(problem.robot, local.world, replace(problem.options, effort="first"))
     search = Search(
-        local, problem.environment, problem.start, goals, problem.options.seed,
+        quick, problem.environment, problem.start, goals, problem.options.seed,
         lambda: _refuse_if_separated(problem, local.world),
     )  # fmt: skip
-
-    def optimized(way: _Way, rounds: int, by: Optimizer = optimizer) -> list[Candidate]:
-        faster = by.faster(way.timed or way.path, rounds)
-        watch.lap("optimize")
-        return [] if faster is None else [Candidate(way.planner, faster, way.found, True)]
-
-    if effort == "best":
-        known: set[float] = set()
-        for way in _ways(problem, local, goals, search, watch):
-            assert way.timed is not None
-            stopped = way.stopping(way.timed)
-            hasty = [stopped] if known else [stopped, *_plain(problem, local, goals, stopped, search, watch)]
-            hasty = _hastened(sorted(hasty, key=_duration), limits, watch)
-            watch.lap("optimize")
-            yield hasty
-            # A search often finds the same way again.
-            duration = round(stopped.timed.duration, 6)
-            if duration not in known and not watch.is_over(optimizer.longest):
-                yield optimized(way, _BEST_ROUNDS)
-            known.add(duration)
+    paths = search.paths(watch.is_over)
+    first = _first(problem, quick, goals, search, paths, watch)
+    assert first.timed is not None
+    if effort != "good":
+        yield [first.stopping(first.timed)]
+    if effort == "first":
         return
-    ways = list(_ways(problem, local, goals, search, watch))
-    stopping = {way: way.stopping(way.timed) for way in ways if way.timed is not None}
-    first = stopping[ways[0]]
+    optimizer = Optimizer(problem, local.world, watch.is_over)
+    if first.planner != "direct":
+        paths = chain([(first.planner, first.found)], paths)
+    ways = list(_ways(problem, local, goals, search, paths, watch))
+    yield from _good(problem, first, ways, optimizer, watch)
+    if effort == "good":
+        return
+    # Other draws than those of the first search.
+    search.seed, search.allowance = search.seed + _DRAWS, None
+    known: set[float] = set()
+    for planner, path in chain([(way.planner, way.found) for way in ways], search.paths(watch.is_over)):
+        watch.lap("search")
+        if watch.is_over():
+            return
+        way = _Way(planner, path if planner == "direct" else shorten(path, local), path)
+        watch.lap("shorten")
+        near = _stopping(problem, way, watch)
+        # A search often finds the same way again.
+        if near is None or round(near.timed.duration, 6) in known:
+            continue
+        known.add(round(near.timed.duration, 6))
+        yield _hastened([near], limits, watch)
+        if not watch.is_over(optimizer.longest):
+            yield _optimized(replace(way, timed=near.timed), _BEST_ROUNDS, optimizer, watch)
 
-    def stops(way: _Way) -> Candidate | None:
-        if way not in stopping:
-            try:
-                stopping[way] = way.stopping(_timed(problem, way.path))
-            except LimitsInfeasible:
-                return None
-            watch.lap("time")
-        return stopping[way]
 
+def _good(
+    problem: Problem, first: _Way, ways: list[_Way], optimizer: Optimizer, watch: Stopwatch
+) -> Iterator[list[Candidate]]:
+    """What effort good makes of ways, and of what effort first found."""
+    drive, limits = problem.robot.drive, problem.robot.limits
+    times = {way: flowing_time(way.path, drive, limits) for way in ways}
+    ways = sorted(ways, key=times.__getitem__)
     flowed: dict[_Way, Candidate] = {}
-    if effort == "good":
-        ways.sort(key=lambda way: flowing_time(way.path, drive, limits))
-        best: _Way | None = None
-        for way in ways[:_GOOD_TRIES]:
-            if watch.is_over(optimizer.longest):
+    best: _Way | None = None
+    for way in ways[:_GOOD_TRIES]:
+        if watch.is_over(optimizer.longest):
+            break
+        if best is not None:
+            over = min(_duration(flowed[best]) / times[best], _OVER)
+            if over * (_HOPE if reversals(best.path) else 1.0) * times[way] >= _duration(flowed[best]):
                 break
-            time = flowing_time(way.path, drive, limits)
-            if best is not None:
-                over = min(_duration(flowed[best]) / flowing_time(best.path, drive, limits), _OVER)
-                if over * (_HOPE if reversals(best.path) else 1.0) * time >= _duration(flowed[best]):
-                    break
-            # A search often finds the same way again.
-            if any(abs(time / flowing_time(other.path, drive, limits) - 1) < _SAME for other in flowed):
-                continue
-            if faster := optimized(way, _GOOD_ROUNDS):
-                (flowed[way],) = faster
-                if best is None or _duration(flowed[way]) < _duration(flowed[best]):
-                    best = way
-    found = [*stopping.values(), *flowed.values()]
-    if effort == "good" and (local.flows or first.planner != "direct"):
-        found += _plain(problem, local, goals, first, search, watch)
-    found.sort(key=_duration)
-    if effort == "good":
-        found = _hastened(found, limits, watch)
-        watch.lap("optimize")
-    yield found
-    if effort == "good":
-        patient = replace(optimizer, iterations=_PATIENCE)
-        # What its check refuses would be found again.
-        for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
-            if watch.is_over(optimizer.longest * _PATIENCE / optimizer.iterations):
-                break
-            near = stops(way)
-            if near is not None and flowing_time(way.path, drive, limits) < _HASTE * _duration(near):
-                yield optimized(way, _GOOD_ROUNDS, patient)
-        rest = [stops(way) for way in ways if way not in stopping and not watch.is_over()]
-        yield _hastened([near for near in rest if near is not None], limits, watch)
+        # A search often finds the same way again.
+        if any(abs(times[way] / times[other] - 1) < _SAME for other in flowed):
+            continue
+        if faster := _optimized(way, _GOOD_ROUNDS, optimizer, watch):
+            (flowed[way],) = faster
+            if best is None or _duration(flowed[way]) < _duration(flowed[best]):
+                best = way
+    assert first.timed is not None
+    stopping = first.stopping(first.timed)
+    yield _hastened([stopping, *flowed.values()], limits, watch)
+    patient = replace(optimizer, iterations=_PATIENCE)
+    # What its check refuses would be found again.
+    for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
+        if watch.is_over(optimizer.longest * _PATIENCE / optimizer.iterations):
+            break
+        if times[way] < _HASTE * _duration(stopping):
+            yield _optimized(way, _GOOD_ROUNDS, patient, watch)
+    rest = [_stopping(problem, way, watch) for way in ways if not watch.is_over()]
+    yield _hastened([near for near in rest if near is not None], limits, watch)
+
+
+def _optimized(way: _Way, rounds: int, optimizer: Optimizer, watch: Stopwatch) -> list[Candidate]:
+    """The fastest motion found near a way, if it is faster."""
+    faster = optimizer.faster(way.timed or way.path, rounds)
+    watch.lap("optimize")
+    return [] if faster is None else [Candidate(way.planner, faster, way.found, True)]
+
+
+def _stopping(problem: Problem, way: _Way, watch: Stopwatch) -> Candidate | None:
+    """The motion along a way with stops, if the limits allow one."""
+    try:
+        return way.stopping(_timed(problem, way.path))
+    except LimitsInfeasible:
+        return None
+    finally:
+        watch.lap("time")
 
 
 def _hastened(found: list[Candidate], limits: Limits, watch: Stopwatch) -> list[Candidate]:
-    """Those that may become the fastest retimed, the fastest first."""
-    best = math.inf
-    found = list(found)
-    for i, near in enumerate(found):
+    """Motions, and those that may become the fastest retimed, too; the fastest first."""
+    best, made = math.inf, []
+    for near in sorted(found, key=_duration):
+        made.append(near)
         if _HASTE * near.timed.duration < best:
             if not near.optimized:
-                found[i] = replace(near, timed=hastened(near.timed, limits, watch.is_over))
-            best = min(best, found[i].timed.duration)
-    return sorted(found, key=_duration)
+                faster = hastened(near.timed, limits, watch.is_over)
+                if faster is not near.timed:
+                    made.append(replace(near, timed=faster))
+            best = min(best, made[-1].timed.duration)
+    watch.lap("optimize")
+    return sorted(made, key=_duration)
 
 
 def _duration(candidate: Candidate) -> float:
     return candidate.timed.duration
 
 
-def _ways(
-    problem: Problem, local: Connector, goals: list[Pose], search: Search, watch: Stopwatch
-) -> Iterator[_Way]:
-    """Ways to the goal, until effort or time end; at least one that is timed, or a PlanningError."""
-    options, robot = problem.options, problem.robot
-    count = searched = 0
-    waits = options.effort == "good"
-    turns_back = True
+def _first(
+    problem: Problem,
+    quick: Connector,
+    goals: list[Pose],
+    search: Search,
+    paths: Iterator[tuple[str, Path]],
+    watch: Stopwatch,
+) -> _Way:
+    """What effort first finds: a direct way, or else one of the search's paths. Raises a PlanningError."""
     refused: LimitsInfeasible | None = None
-    direct = _direct(problem.start, local, goals)
-    found = list(islice(direct, 1))
 
-    def ways() -> Iterator[tuple[str, Path]]:
-        for path in chain(found, direct):
+    def found() -> Iterator[tuple[str, Path]]:
+        for path in _direct(problem.start, quick, goals):
             yield "direct", path
-        if count and options.effort == "good":
-            search.allowance = _WORK
-        # Where the limits forbid the direct ways, a search finds no better ones.
-        if not found or options.effort == "best" or (count and turns_back):
-            yield from search.paths(watch.is_over)
+        # If the limits forbid the direct ways, a search finds no better ones.
+        searches = refused is None
+        # Not `yield from`: it would close the search, which goes on later.
+        while searches and (searched := next(paths, None)) is not None:
+            yield searched
 
-    def is_enough() -> bool:
-        match options.effort:
-            case "first":
-                return count > 0
-            case "good":
-                few, most = _GOOD_CANDIDATES
-                return searched >= (most if turns_back else few)
-            case "best":
-                return False
-
-    for planner, path in ways():
+    for planner, path in found():
         watch.lap("search")
-        shorter = path
-        if planner != "direct":
-            if count and watch.is_over():
-                break
-            shorter = (
-                _quick(path, local, search, watch)
-                if options.effort == "first"
-                else shorten(path, local, rough=waits)
-            )
-            watch.lap("shorten")
+        work = search.work
+        shorter = path if planner == "direct" else _quick(path, quick, search, watch)
+        watch.lap("shorten")
         try:
-            # Most that are found by search are never driven from stop to stop.
-            timed = None if waits and count and planner != "direct" else _timed(problem, shorter)
-            watch.lap("time")
-            yield _Way(planner, shorter, path, timed)
+            way = _Way(planner, shorter, path, _timed(problem, shorter))
         except LimitsInfeasible as error:
             refused = refused or error
         else:
-            count += 1
-            searched += planner != "direct"
-            if options.effort == "good" and turns_back:
-                turns_back = reversals(shorter) > 0
-                # On an open floor no way is better than a direct one.
-                if planner == "direct" and count == 1 and is_far(shorter, robot, local.world):
-                    turns_back = False
-        if is_enough() or watch.is_over():
-            break
-        if planner != "direct" and options.effort == "good" and search.allowance is None:
             # More ways are worth about as much work again as the first took.
-            search.allowance = 2 * search.work + _WORK
-    if count == 0:
-        raise refused or NoPathFound(
-            f"the time budget of {options.time_budget:g} s ended before a path was found",
-            search.tried,
-            search.nearest,
-        )
+            search.allowance = search.work + work + _WORK
+            return way
+        finally:
+            watch.lap("time")
+        if watch.is_over():
+            break
+    raise refused or NoPathFound(
+        f"the time budget of {problem.options.time_budget:g} s ended before a path was found",
+        search.tried,
+        search.nearest,
+    )
+
+
+def _ways(
+    problem: Problem,
+    local: Connector,
+    goals: list[Pose],
+    search: Search,
+    paths: Iterator[tuple[str, Path]],
+    watch: Stopwatch,
+) -> Iterator[_Way]:
+    """The ways that effort good chooses from: direct ones, and of the search's if there are none, or all turn
+    back."""
+    direct = list(_direct(problem.start, local, goals))
+    watch.lap("search")
+    yield from (_Way("direct", path, path) for path in direct)
+    turns_back = all(reversals(path) for path in direct)
+    # On an open floor no way is better than a direct one.
+    if direct and is_far(direct[0], problem.robot, local.world):
+        return
+    if direct and not (turns_back or _is_slow(direct, problem, local, goals)):
+        return
+    if direct:
+        search.allowance = _WORK
+    few, most = _GOOD_CANDIDATES
+    for count, (planner, path) in enumerate(paths, 1):
+        watch.lap("search")
+        if (direct or count > 1) and watch.is_over():
+            return
+        shorter = shorten(path, local, rough=True)
+        watch.lap("shorten")
+        yield _Way(planner, shorter, path)
+        turns_back = turns_back and reversals(shorter) > 0
+        if count >= (most if turns_back else few):
+            return
 
 
 def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> Path:
@@ -260,31 +285,15 @@ def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> P
     return min([path, *others], key=quick.duration)
 
 
-def _plain(
-    problem: Problem,
-    local: Connector,
-    goals: list[Pose],
-    near: Candidate,
-    search: Search,
-    watch: Stopwatch,
-) -> list[Candidate]:
-    """What effort first makes of a way found, or of a direct one: others are the quickest once they flow, but
-    not all of them can be made to."""
-    robot = problem.robot
-    quick = connector(robot, local.world, replace(problem.options, effort="first"))
-    path = next(_direct(problem.start, quick, goals), None)
-    planner = "direct" if path else near.planner
-    path = path or _quick(near.found, quick, search, watch)
-    watch.lap("shorten")
-    if near.planner == "direct" and path == near.found:
-        return []  # it is near itself
-    try:
-        timed = _timed(problem, path)
-    except LimitsInfeasible:
-        return []
-    finally:
-        watch.lap("time")
-    return [Candidate(planner, timed, path)]
+def _is_slow(direct: list[Path], problem: Problem, local: Connector, goals: list[Pose]) -> bool:
+    """Whether free direct ways take longer than the quickest direct way that is not free: a way round what
+    blocks that one may be quicker."""
+    tried = local.direct(np.repeat([problem.start], len(goals), 0), np.array(goals))
+    quickest = min(tried, key=lambda motions: float(motions.times.min(initial=math.inf)))
+    pair, way = np.unravel_index(np.argmin(quickest.times), quickest.times.shape)
+    drive, limits = problem.robot.drive, problem.robot.limits
+    least = flowing_time(quickest.path(int(pair), int(way)), drive, limits)
+    return min(flowing_time(path, drive, limits) for path in direct) > _OVER * least
 
 
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:

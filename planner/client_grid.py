@@ -19,9 +19,10 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from drives.drive import Drive, Limits
+from drives.drive import ActuatorPath, Drive, Limits
 from drives.se2 import Array
 from planner.errors import LimitsInfeasible
+from planner.rows import limit_rows
 from planner.schedule import sample_times
 from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Steer, Warped
 from planner.usage import rolled, slow_factors
@@ -32,9 +33,9 @@ _TRIES = 16
 """How often a phase is slowed down at most."""
 _EXACT, _SPARE = 2e-4, 1e-4
 """Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
-_LOCAL, _MUCH = 0.5, 0.01
-"""If a limit is exceeded by more than the second share over less than the first share of the time, the motion
-is slowed down there only."""
+_LOCAL, _MUCH = 0.5, 0.001
+"""If limits are exceeded by more than the second share at worst, and by less than the first share of that on
+average, the motion is slowed down only there."""
 _CORRECTIONS, _MISS = 5, 1e-8
 """How often the end is corrected, and the miss (m, rad) that needs no correction."""
 _LAST_STEP = 0.05
@@ -42,9 +43,11 @@ _LAST_STEP = 0.05
 _ROLLS, _CLOSE = 2, 5e-6
 """How often the end is aimed at anew by what rolling the samples misses, and the miss (m, rad) that is close
 enough."""
-_LEAST_SPREAD = 1.05
+_STRAY = 1e-4
+"""Distance (m, rad) between the end of a path and the end of a motion along it at most."""
+_LEAST_SPREAD = 1.02
 """By how much a motion is slowed down where wheels slip, at least."""
-_AROUND = 3
+_AROUND = 2
 """Samples before and after those between which wheels slip, where the motion is slowed down, too."""
 _TURN = 0.1
 """Angular speed (rad/s) for each m/s of speed that a correction may change at least."""
@@ -67,47 +70,62 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
 
     whole: it takes whole sample periods (s). Raises LimitsInfeasible.
     """
+    if isinstance(phase, Steer):
+        return _steered(phase, limits.steering_rate, period, whole)
+    if isinstance(phase, Driven) and phase.law is not None and len(phase.grid) == 2:
+        return _evenly_driven(phase, phase.law, limits, period, whole)
     given, jerk_limited = _given(phase), bool(np.isfinite(limits.wheel_jerk).any())
-    least = _fewest_steps(given, jerk_limited)
+    least = 3 if jerk_limited or isinstance(given, Flowing) else 2
     pace = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration]))
-    lags: tuple[float, ...] = (0.0,)
     goal = given.poses(given.time)[-1] if isinstance(given, Flowing) else np.zeros(3)
     aim = goal.copy()
     factor, rolls = math.inf, _ROLLS
-    for tries in reversed(range(_TRIES)):
+    before: tuple[_Pace, float] | None = None
+    locally = True
+    for _ in range(_TRIES):
         time = _times(pace.duration, period, whole or jerk_limited, least)
         pace = pace.slowed(time[-1] / pace.duration)
         spread = _Spread(phase, time, pace, drive, jerk_limited, aim)
-        made = [spread.over(lag) for lag in lags]
-        sampled = [Phases(drive, (each,)).sample(time) for each in made]
-        factors = [slow_factors(each, limits) for each in sampled]
-        best = min(range(len(lags)), key=lambda i: float(factors[i].max()))
-        factor = float(factors[best].max())
+        made = spread.over()
+        sampled = Phases(drive, (made,)).sample(time)
+        factors = slow_factors(sampled, drive, limits)
+        factor = float(factors.max())
         if factor > 1 + _EXACT:
-            here = factors[best] > 1 + _EXACT
-            if len(lags) == 1 and isinstance(given, Flowing) and given.curves:
-                lags = (0.0, 0.5)
-            elif here.mean() < _LOCAL and factor > 1 + _MUCH and tries > _TRIES // 2:
-                pace = pace.spread(time, np.where(here, np.minimum(factors[best], 1.5) + _SPARE, 1.0))
+            excess = np.maximum(factors - 1, 0.0)
+            if before is not None and factor >= before[1]:
+                # Slower here and there, it is accelerated more in between.
+                pace, before, locally = before[0].slowed(before[1] + _SPARE), None, False
+            elif locally and excess.mean() < _LOCAL * (factor - 1) and factor > 1 + _MUCH:
+                before = pace, min(factor, 1.5)
+                pace = pace.spread(time, 1 + np.minimum(excess, 0.5) + _SPARE * (excess > 0))
             else:
                 pace = pace.slowed(min(factor, 1.5) + _SPARE)
-        elif (np.ptp(sampled[best].steering_angle, 0) == 0.0).all():
-            return made[best]
+        elif (np.ptp(sampled.steering_angle, 0) == 0.0).all():
+            return made
         else:
-            slips, poses = rolled(sampled[best], drive)
+            slips, poses = rolled(sampled, drive)
             miss = goal - poses[-1] if isinstance(given, Flowing) else np.zeros(3)
+            if isinstance(given, Driven):
+                # It cannot be led back to its path, so it must not stray.
+                slips *= max(1.0, float(np.abs(poses[-1] - sampled.pose[-1]).max()) / _STRAY)
             if slips.max() > 1.0:
-                pace = pace.spread(
-                    time, np.where(slips > 1.0, np.maximum(np.cbrt(slips), _LEAST_SPREAD), 1.0)
-                )
+                slower = np.maximum(np.cbrt(slips), _LEAST_SPREAD)
+                pace, before, locally = pace.spread(time, np.where(slips > 1.0, slower, 1.0)), None, True
             elif np.abs(miss).max() < _CLOSE or rolls == 0:
-                return made[best]
+                return made
             else:
                 aim, rolls = aim + miss, rolls - 1
-    raise LimitsInfeasible(
-        f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
-        f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
-    )
+    raise _too_coarse(phase, period, factor)
+
+
+def _steered(phase: Steer, rate: float, period: float, whole: bool) -> Steer:
+    """Steering at rest: one cubic, or a rate that is constant but for the first and the last step."""
+    change = float(np.abs(phase.after - phase.before).max())
+    cubic = 1.5 * change / rate  # its largest rate is 1.5 times the mean
+    duration = max(cubic if cubic <= period else change / rate + period, phase.duration)
+    time = _times(duration, period, whole, 1)
+    inner = time[1:-1]
+    return replace(phase, profile=_profile(time, np.ones(len(inner)), quadratic=False))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,11 +158,33 @@ class _Pace:
         return _Pace(self(time), np.append(0.0, np.cumsum(np.diff(time) * smooth)))
 
 
-def _fewest_steps(phase: Phase, jerk_limited: bool) -> int:
-    """In how few steps a phase can be a spline. One cubic will do if its actuators move in proportion."""
-    if jerk_limited or isinstance(phase, Flowing):
-        return 3
-    return 1 if isinstance(phase, Steer) or (isinstance(phase, Driven) and len(phase.grid) == 2) else 2
+def _evenly_driven(phase: Driven, law: ActuatorPath, limits: Limits, period: float, whole: bool) -> Driven:
+    """A path along which every actuator turns in proportion to s: its limits do not depend on s."""
+    push, _, x_max = limit_rows(phase.piece.body_path(phase.grid), law, limits)
+    jerk = float((np.abs(law.wheel[0]) / limits.wheel_jerk).max())
+    pace, duration = _Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration])), phase.duration
+    for _ in range(_TRIES):
+        time = _times(duration, period, whole or jerk > 0.0, 3 if jerk > 0.0 else 1)
+        profile = _followed(phase, time, pace.slowed(time[-1] / phase.duration), jerk > 0.0)
+        step = np.diff(time)
+        ends = np.abs([profile.acceleration, profile.acceleration + step * profile.jerk])
+        middle = profile.velocity + step / 2 * (profile.acceleration + step / 4 * profile.jerk)
+        factor = max(
+            float(max(profile.velocity.max(), middle.max())) / math.sqrt(float(x_max.min())),
+            math.sqrt(float(ends.max() * np.abs(push).max())),
+            math.cbrt(float(np.abs(profile.jerk).max()) * jerk),
+        )
+        if factor <= 1 + _EXACT:
+            return replace(phase, profile=profile)
+        duration = float(time[-1]) * min(factor, 1.5) + _SPARE * phase.duration
+    raise _too_coarse(phase, period, factor)
+
+
+def _too_coarse(phase: Phase, period: float, factor: float) -> LimitsInfeasible:
+    return LimitsInfeasible(
+        f"no motion along the way keeps the limits at a sample period of {period:g} s: a phase of "
+        f"{phase.duration:.6g} s exceeds them {factor:.6g} times"
+    )
 
 
 def _times(duration: float, period: float, whole: bool, least: int) -> Array:
@@ -174,31 +214,20 @@ class _Spread:
     jerk_limited: bool
     aim: Array
 
-    def over(self, lag: float) -> Phase:
-        """The phase whose velocities are splines. lag: see _flowing."""
+    def over(self) -> Phase:
+        """The phase whose velocities are splines."""
         match _given(self.phase):
-            case Steer() as given:
-                return replace(given, profile=self._followed(quadratic=False))
             case Driven() as given:
                 ends = given.piece.body_path(np.array([0.0, 1.0]))
                 rolls = bool(self.drive.actuators(ends, given.steering).wheel.any())
-                return replace(given, profile=self._followed(self.jerk_limited and rolls))
+                quadratic = self.jerk_limited and rolls
+                return replace(given, profile=_followed(self.phase, self.time, self.pace, quadratic))
             case Flowing() as given:
-                return self._flowing(given, lag)
+                return self._flowing(given)
         raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
 
-    def _followed(self, quadratic: bool) -> Profile:
-        """The profile on the grid of a phase that has one, or of one that follows it at other times."""
-        begin, end = _cells(self.time, quadratic)
-        way = _position(self.phase, self.pace(end)) - _position(self.phase, self.pace(begin))
-        return _profile(self.time, way / (end - begin), quadratic)
-
-    def _flowing(self, given: Flowing, lag: float) -> Flowing:
-        """A motion whose coordinates are splines on the grid.
-
-        lag: by how many steps a car's steering, which begins at rest, lags behind. It catches up until the
-        end.
-        """
+    def _flowing(self, given: Flowing) -> Flowing:
+        """A motion whose coordinates are splines on the grid."""
         kind, time = _Coordinates(given, self.drive, self.jerk_limited), self.time
         ends = _values(self.phase, np.array([0.0, self.phase.duration]), kind)
         ends[:, kind.velocity] = 0.0
@@ -206,10 +235,6 @@ class _Spread:
         first, last = self.pace(begin), self.pace(end)
         means = _means(self.phase, first, last, kind)
         means[:, kind.velocity] *= ((last - first) / (end - begin))[:, None]
-        if kind.bent and lag > 0.0:
-            late = lag * time[1] * (1 - time / time[-1])
-            first, last = (self.pace(np.maximum(t, 0.0)) for t in (begin - late[:-1], end - late[1:]))
-            means[1:, 1] = _means(self.phase, first[1:], last[1:], kind)[:, 1]
         controls = list(np.concatenate([ends[:1], means, ends[1:]]).T)
         for left in reversed(range(_CORRECTIONS + 1)):
             made = _assembled(given, time, controls, kind)
@@ -259,12 +284,19 @@ def _profile(time: Array, means: Array, quadratic: bool) -> Profile:
     return Profile(time, way[:-1] / end, velocity / end, change / end, 2 * bow / end)
 
 
+def _followed(phase: Phase, time: Array, pace: _Pace, quadratic: bool) -> Profile:
+    """The profile on the grid of a phase that has one, or of one that follows it at other times."""
+    begin, end = _cells(time, quadratic)
+    way = _position(phase, pace(end)) - _position(phase, pace(begin))
+    return _profile(time, way / (end - begin), quadratic)
+
+
 def _position(phase: Phase, time: Array) -> Array:
     """s at times (n,) of a phase that has a profile, or of one that follows it at other times."""
     if isinstance(phase, Warped):
         then, _, _ = phase.profile.at(time)
         return _position(phase.phase, np.clip(then, 0.0, phase.phase.duration))
-    assert isinstance(phase, Driven | Steer)
+    assert isinstance(phase, Driven)
     position, _, _ = phase.profile.at(time)
     return position
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -40,6 +40,10 @@ __all__ = ["Connector", "Motions", "connector"]
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
+_HEADINGS = 9
+"""Of a line that turns, at which the angles of steered wheels are compared."""
+_BENT = 10.0
+"""How many times as long as the straight way a screw may be."""
 _WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
 """How many curves are as many as may be of use, and of which turning radii they are tried before any search,
 in units of the connector's."""
@@ -164,7 +168,38 @@ class LineConnector(Connector):
         return self._fast[0]
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [self.motions(a, b), *([self._rides(a, b)] if self.flows else [])]
+        lines, screws = self.motions(a, b), self._screws(a, b)
+        steered = self._steered(a[:, 2], lines.steps[:, 0, 0])[:, None]
+        worse = lines.free() & (steered <= lines.times)
+        lines = replace(lines, times=np.maximum(lines.times, steered))
+        screws = replace(screws, times=np.where(worse, np.inf, screws.times))
+        return [lines, screws, *([self._rides(a, b)] if self.flows else [])]
+
+    def _steered(self, theta: Array, lines: Array) -> Array:
+        """Time (n,) s that wheels are steered for, on lines (n, 3) from poses of headings theta (n,)."""
+        law, limits = self.robot.drive.settled.rolling_law(), self.robot.limits
+        if not law.steered.any() or math.isinf(limits.steering_rate):
+            return np.zeros(len(lines))
+        heading = theta[:, None] + lines[:, 2:] * np.linspace(0.0, 1.0, _HEADINGS)
+        travel = (lines[:, :1] + 1j * lines[:, 1:2]) * np.exp(-1j * heading)
+        wheel = travel[..., None] + 1j * lines[:, 2:, None] * (law.points[law.steered] @ [1.0, 1.0j])
+        turned: Array = np.abs(np.angle(wheel[:, 1:] * np.conj(wheel[:, :-1]))).sum(1).max(1)
+        return turned / limits.steering_rate
+
+    def _screws(self, a: Array, b: Array) -> Motions:
+        """Twists held all the way, the heading turning either way: the angles of steered wheels are
+        constant (Lynch and Park, 2017, sect. 3.3.3)."""
+        turn = _wrapped(b[:, 2] - a[:, 2])
+        turns = np.stack([turn, turn - np.copysign(math.tau, turn)], 1)
+        way = (b[:, :1] - a[:, :1]) + 1j * (b[:, 1:2] - a[:, 1:2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            held = way * np.exp(-1j * (a[:, 2:] + turns / 2)) / np.sinc(turns / math.tau)
+        # A turn on the spot, and a straight way without a turn, are lines.
+        fits = (np.abs(way) > NOTHING) & (np.abs(turns) > NOTHING) & (np.abs(held) < _BENT * np.abs(way))
+        steps = np.where(fits[..., None], np.stack([held.real, held.imag, turns], -1), 0.0)
+        start = np.repeat(a[:, 2], 2)
+        times = step_times(self.law._replace(kind=CURVE), start, steps.reshape(-1, 3)).reshape(turns.shape)
+        return Motions(self.world, a, np.where(fits, times, np.inf), steps[:, :, None])
 
     @cached_property
     def _fast(self) -> tuple[Array, Array, float]:

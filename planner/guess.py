@@ -97,11 +97,14 @@ def reversals(path: Curves) -> int:
 def flowing(path: Curves, drive: Drive, limits: Limits, coordinates: Coordinates, knots: int) -> Guess:
     """A motion along a path as if it flowed. Its poses stay on the path, which is known to be free."""
     cruise, pose, twist = cruising(path, drive, limits)
-    ramp = ramp_time(limits)
+    share, ramp = _ramp(float(cruise[-1]), reversals(path), limits)
+    cruise, twist = cruise / share, twist * share
     time = _knots(cruise[-1] + ramp, drive, limits, knots)
     # Cruising lasts from ramp / 2 on; before and after it the robot rests.
     middle = time - ramp / 2
     within = np.clip(middle, 0.0, cruise[-1])
+    if share < 1.0:
+        within = (_passed(cruise[-1], middle + ramp / 2) - _passed(cruise[-1], middle - ramp / 2)) / ramp
     there = np.stack([np.interp(within, cruise, column) for column in pose.T], -1)
     rates = _smoothed(cruise, twist, middle, ramp, rest=True)
     match coordinates:
@@ -168,6 +171,23 @@ def knot_count(motion: Phases | Curves, drive: Drive, limits: Limits, spacing: f
 def way_length(pose: Array) -> float:
     """Length (m) of the body origin along poses (n, 3)."""
     return float(np.hypot(*np.diff(pose[:, :2], axis=0).T).sum())
+
+
+def _ramp(cruise: float, reversals: int, limits: Limits) -> tuple[float, float]:
+    """The share of full speed to cruise at, and the time (s) that it takes to get there.
+
+    On a short way the robot brakes before it is at full speed. cruise s: at full speed.
+    """
+    ramp = ramp_time(limits)
+    share = min(1.0, math.sqrt(cruise / (1 + reversals) / ramp))
+    return share, share * ramp
+
+
+def _passed(cruise: float, time: Array) -> Array:
+    """Integral of the time that has passed since cruising began, at most all of it, up to `time`."""
+    within = np.clip(time, 0.0, cruise)
+    passed: Array = within**2 / 2 + cruise * np.maximum(time - cruise, 0.0)
+    return passed
 
 
 def ramp_time(limits: Limits) -> float:

@@ -16,110 +16,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Literal
+from time import perf_counter
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from drives.se2 import Array
+from planner.shape import Shape
 from planner.stagewise import Program, Rows, Stage, program
 
-__all__ = ["Shape", "Solver", "solver"]
+__all__ = ["Solver", "build_time", "solver"]
 
 _STILL = 1e-3
 """Added to the speed of a steered wheel, in units of the problem, so that it is smooth at rest."""
-_EXACT = 0.03
-"""Unit of poses: gaps between intervals add up along the way, so they must be smaller than what limits are
-exceeded by."""
 _EFFORT = 1e-3
 """Share of the duration that the guess's effort, the sum of squares of the controls, is weighed with. It
 settles what would be undetermined."""
 
+_KEPT = 32
+"""Solvers at most."""
+
 _TOLERANCE, _BARRIER = 1e-5, 3e-4
 """Of interior_point.solve: from a larger barrier a motion first doubles its duration; from a smaller one,
 more of them get stuck."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """What a compiled solver is for: all else are its parameters.
-
-    coordinates: as of Flowing. rows, steered: how many wheels of either kind. planes: half-planes to keep
-    to at every knot, and once between it and the next. jerk: whether wheel jerks are limited. given: what of
-    the state it begins in is; a car at rest may begin with any curvature, or with any rate of the curvature.
-    forward: whether it must not go backwards. trail: whether steered wheels are casters. pushes: whether a
-    twist's accelerations along and across its velocity are limited.
-    """
-
-    coordinates: Literal["twist", "unicycle", "car"]
-    rows: int
-    steered: int
-    planes: int
-    jerk: bool
-    given: Literal["all", "curvature", "rest"]
-    forward: bool
-    trail: bool
-    pushes: bool
-
-    @property
-    def size(self) -> int:
-        """How many coordinates there are."""
-        return 3 if self.coordinates == "twist" else 2
-
-    @property
-    def order(self) -> int:
-        """How many derivatives of the coordinates are states."""
-        return 2 if self.jerk else 1
-
-    @property
-    def casters(self) -> int:
-        """How many there are."""
-        return self.steered if self.trail else 0
-
-    @property
-    def angles(self) -> slice:
-        """Which of the state are angles of casters."""
-        first = 3 + self.order * self.size
-        return slice(first, first + self.casters)
-
-    @property
-    def state(self) -> int:
-        """Pose, coordinates (and rates), angles of casters, duration."""
-        return 4 + self.order * self.size + self.casters
-
-    def units(self, knots: Any) -> tuple[list[Any], list[Any]]:
-        """What the solver's states (state,) and controls are in, so that a change over an interval is about
-        one."""
-        rates = [knots] * (self.size * (self.order - 1))
-        states = [*[_EXACT] * 3, *[1.0] * self.size, *rates, *[1.0] * (self.casters + 1)]
-        return states, [*[knots**self.order] * self.size, *[1.0] * (2 * self.casters)]
-
-    def parameters(self) -> dict[str, int]:
-        """Names and sizes, in order.
-
-        start: pose, coordinates (and rates), angles of casters. goal: pose. rate (rows, 3): wheel rate over
-        its limit per twist. x, y, speed (steered): where the wheel stands, and 1 over its largest rolling
-        speed. trail: of casters. acceleration, jerk (rows + steered): rate limit over acceleration limit, and
-        over jerk limit. steering: 1 over the steering rate. curvature: 1 over the largest. body: 1 over the
-        limits of speed, omega, tangential and lateral acceleration. knots: how many intervals there are.
-        """
-        wheels = self.rows + self.steered
-        return {
-            "start": self.state - 1,
-            "goal": 3,
-            "rate": 3 * self.rows,
-            "x": self.steered,
-            "y": self.steered,
-            "speed": self.steered,
-            "trail": 1,
-            "acceleration": wheels,
-            "jerk": wheels,
-            "steering": 1,
-            "curvature": 1,
-            "body": 4,
-            "knots": 1,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +72,37 @@ class Solver:
         return None if found is None else (found[0] * states, found[1] * unit)
 
 
-@lru_cache(maxsize=32)
-def solver(shape: Shape) -> Solver:
-    """The solver for a shape, built when first asked for (0.03 to 0.1 s; casters of limited jerk, 0.4 s)."""
+class _Solvers:
+    """Solvers, each built when first asked for, and the latest ones kept."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Shape, Solver] = {}
+        self._slow = 1.0
+        """Time that the last one took to build over what was expected of an idle machine."""
+
+    def solver(self, shape: Shape) -> Solver:
+        """The solver for a shape, built if it is not kept (see build_time)."""
+        if shape not in self._kept:
+            begin = perf_counter()
+            built = _built(shape)
+            self._slow = (perf_counter() - begin) / _usual_time(shape)
+            if len(self._kept) == _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[shape] = built
+        return self._kept[shape]
+
+    def build_time(self, shape: Shape) -> float:
+        """About how long (s) it takes until the solver for a shape is built; 0 if it is kept."""
+        return 0.0 if shape in self._kept else _usual_time(shape) * max(self._slow, 1.0)
+
+
+def _usual_time(shape: Shape) -> float:
+    """About how long (s) it takes to build a solver: 0.02 s, casters of limited jerk up to 1 s."""
+    wheels = 1.0 + shape.steered + 0.1 * shape.planes
+    return 0.02 * wheels * (3 if shape.jerk and shape.steered else 1) * (2 if shape.trail else 1)
+
+
+def _built(shape: Shape) -> Solver:
     symbols = {name: ca.SX.sym(name, size) for name, size in shape.parameters().items()}
     motion = _Motion(shape, symbols)
     scale, unit = shape.units(symbols["knots"])
@@ -170,6 +118,7 @@ def solver(shape: Shape) -> Solver:
         after=after / states,
         cost=ca.sumsqr(u[: shape.size]) * effort,
         held=[Rows(motion.changes(at, by, part), -1, 1), Rows(motion.gaps(between, later), 0, math.inf),
+              Rows(motion.steering(at, by, part), 0, math.inf),
               Rows(motion.swings(at, by, part), 0, 0)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
         later=[*motion.speeds(at), Rows(motion.gaps(at, here), 0, math.inf)],
@@ -177,6 +126,10 @@ def solver(shape: Shape) -> Solver:
         last_cost=x[-1],
     )  # fmt: skip
     return Solver(shape, program(stage, _TOLERANCE, _BARRIER))
+
+
+_SOLVERS = _Solvers()
+solver, build_time = _SOLVERS.solver, _SOLVERS.build_time
 
 
 _INSIDE: dict[str, tuple[float, ...]] = {
@@ -368,7 +321,6 @@ class _Motion:
         if shape.jerk:
             jerk = ca.jtimes(acceleration, state, moved) + ca.jtimes(acceleration, change, u)
             values.append(jerk * self.p["jerk"])
-        vx, vy, omega = self.twist(at)
         if shape.coordinates != "twist":
             values.append(change[0] * self.p["body"][2])
         values.append(swing * self.p["steering"])
@@ -376,11 +328,27 @@ class _Motion:
             if self.shape.coordinates == "car":
                 a, b = 1 - self.p["y"][i] * at[1], self.p["x"][i] * at[1]
                 values.append(self.p["x"][i] / (a**2 + b**2) * change[1] * self.p["steering"])
-            else:
-                px, py = vx - self.p["y"][i] * omega, vy + self.p["x"][i] * omega
-                ax, ay = change[0] - self.p["y"][i] * change[2], change[1] + self.p["x"][i] * change[2]
-                values.append((px * ay - py * ax) / (px**2 + py**2 + _STILL) * self.p["steering"])
+            elif not shape.slow:
+                across, square = self._across(i, at, change)
+                values.append(across / (square + _STILL) * self.p["steering"])
         return [ca.substitute(ca.vertcat(*values), ca.vertcat(at, change, beta), ca.vertcat(q, r, angles))]
+
+    def _across(self, i: int, q: Any, r: Any) -> tuple[Any, Any]:
+        """p × p′ and |p|² of a steered wheel whose velocity is p."""
+        px, py = q[0] - self.p["y"][i] * q[2], q[1] + self.p["x"][i] * q[2]
+        ax, ay = r[0] - self.p["y"][i] * r[2], r[1] + self.p["x"][i] * r[2]
+        return px * ay - py * ax, px**2 + py**2
+
+    def steering(self, x: Any, u: Any, part: Any) -> list[Any]:
+        """What is positive if wheels whose velocity is p are steered slowly enough, at both ends of the
+        interval after a knot, where they are steered fastest: |p × p′| <= rate·|p|²."""
+        rows = []
+        for share in (0.0, 1.0) if self.shape.slow else ():
+            for i in range(self.shape.steered):
+                across, square = self._across(i, *self._later(x, u, share * part * x[-1]))
+                across, square = across * self.p["steering"], square + _STILL
+                rows += [square - across, square + across]
+        return rows
 
     def _pushes(self, q: Any, r: Any) -> list[Any]:
         """Rows that limit how the speed of the body origin changes, and its acceleration across."""

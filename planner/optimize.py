@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
@@ -32,19 +31,27 @@ from planner.guess import (
     way_length,
 )  # fmt: skip
 from planner.horizon import WINDOW, State, receding
-from planner.optimal_control import Shape, solver
+from planner.optimal_control import build_time, solver
 from planner.problem import Problem
 from planner.retime import hastened
+from planner.shape import Shape
+from planner.stopwatch import now
 from planner.trajectory import Flowing, Phase, Phases, Steer
 
 __all__ = ["Optimizer"]
 
-_SPARE = (0.005, 0.015, 0.04)
+_SPARE = (0.005, 0.015, 0.025, 0.04)
 """Room (m) asked for at knots, which say nothing of the motion between them; more where it hit something."""
 _GAIN = 0.99
 """A round that leaves more than this share of the time was the last."""
+_ON_GRID = 1.05
+"""By what factor a motion may become longer when it is put on the client's grid."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
+_TURNS = 4.0
+"""Steering (rad) that is slow, if a motion has no time for more."""
+_BUILDING = 1.3
+"""Factor of the time that building a solver is expected to take, until which must be left."""
 _STEP = 0.01
 """Way (m) between poses that are checked, on average."""
 _INSIDE = np.linspace(0.1, 0.9, 9)
@@ -83,21 +90,22 @@ class Optimizer:
         rounds: how often it may be improved among obstacles, as long as each is worth while.
         """
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
+        most = _ON_GRID * _duration(motion)
         if is_far(driven(motion), self.problem.robot, self.world):
             guess = self._guess(motion, knot_count(motion, drive, limits, math.inf))
             n = len(guess.time) - 1
             found = self._solve(guess, self._begin(guess), np.zeros((2 * n, 0, 5)), np.full(n, 0.5))
             made = None if found is None else self._made(found)
             if made is not None:
-                return made if made.duration < _duration(motion) else None
+                return made if made.duration < most else None
         knots = knot_count(motion, drive, limits)
         best = motion
         for _ in range(rounds):
             near = self._near(best, knots)
-            if near is None or near.duration >= _duration(best):
+            if near is None or near.duration >= most:
                 break
             done = near.duration > _GAIN * _duration(best)
-            best = near
+            best, most = near, near.duration
             if done or self.is_over(self.longest):
                 break
         return best if isinstance(best, Phases) and best is not motion else None
@@ -271,7 +279,12 @@ class Optimizer:
             jerk=self._is_jerk_limited, given=begin.given,
             forward=not self.problem.options.reverse, trail=law.trail > 0,
             pushes=self._coordinates == "twist" and min(pushes) < math.inf,
+            slow=self._coordinates == "twist" and len(steered) > 0 and law.trail == 0.0
+            and limits.steering_rate * float(guess.time[-1]) < _TURNS,
         )  # fmt: skip
+        building = build_time(shape)
+        if building > 0.0 and self.is_over(_BUILDING * building + self.longest):
+            return None
         # Units: the extent of the motion and its present duration. The origin is where it begins.
         length = max(float(np.ptp(guess.pose[:, :2], axis=0).max()), 0.3)
         time = float(guess.time[-1])
@@ -312,10 +325,11 @@ class Optimizer:
         first = np.column_stack([
             (guess.pose - origin) / extent, q, *([rates] if shape.jerk else []), angles, np.ones(n + 1),
         ])  # fmt: skip
-        begin_of_solve = perf_counter()
         change = (np.diff(rates if shape.jerk else q, axis=0).T / np.diff(at)).T
-        answer = solver(shape).solve(parameters, first, np.column_stack([change, swung]), self.iterations)
-        self._took.append(perf_counter() - begin_of_solve)
+        built = solver(shape)
+        begin_of_solve = now()
+        answer = built.solve(parameters, first, np.column_stack([change, swung]), self.iterations)
+        self._took.append(now() - begin_of_solve)
         if answer is None:
             return None
         x, u = answer

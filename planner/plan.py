@@ -17,6 +17,7 @@ from planner.collision import CONTACT
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import AuditFailed, LimitsInfeasible, PoseInCollision, PoseOutOfBounds
+from planner.kernels import make_ready
 from planner.problem import Problem, Robot
 from planner.schedule import WheelSchedule, schedule, standstill
 from planner.stopwatch import Stopwatch
@@ -48,7 +49,10 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
     """A certified plan for the problem, or a PlanningError that says why there is none.
 
     improved: told, at effort best, of each certified plan found on the way, faster than the one before.
+
+    The first plan compiles the kernels if the cache lacks them; the time budget begins afterwards.
     """
+    make_ready()
     watch = Stopwatch(problem.options.time_budget)
     problem = replace(problem, robot=_resolved(problem))
     robot, options = problem.robot, problem.options
@@ -100,10 +104,12 @@ def _certified(
     if not candidate.optimized:
         timed = on_grid(timed, problem.robot.limits, period)
     made = schedule(timed, period)
-    if made.steering_angle.shape[1] > 0:  # As wheels interpolate, the body moves.
+    if not timed.is_even and made.steering_angle.shape[1] > 0:
+        # The body moves as wheels interpolate.
         _, pose = rolled(made, problem.robot.drive)
-        pose.flags.writeable = False
-        made = replace(made, pose=pose)
+        twist, _ = problem.robot.drive.forward(made.wheel_velocity, made.steering_angle, made.steering_rate)
+        pose.flags.writeable = twist.flags.writeable = False
+        made = replace(made, pose=pose, twist=twist)
     watch.lap("schedule")
     try:
         certificate = verify(problem, made, world)

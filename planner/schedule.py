@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +16,8 @@ __all__ = ["Trajectory", "WheelSchedule", "sample_times", "schedule", "standstil
 class WheelSchedule:
     """A motion sampled at 0, period, 2 period, …, duration (the last step may be shorter).
 
-    time (n,) s; wheel_angle, wheel_velocity, wheel_acceleration (n, m) rad, rad/s, rad/s²; steering_angle,
+    time (n,) s; wheel_angle, wheel_velocity (n, m) rad, rad/s; wheel_acceleration (n, m) rad/s², of the
+    cubics through these where each interval begins, and where the last one ends; steering_angle,
     steering_rate (n, k) rad, rad/s; pose (n, 3) in the world frame, theta continuous; twist (n, 3) in the
     body frame. Columns are in the drive's order of wheels and of steered wheels. At rest at both ends.
     """
@@ -44,7 +45,18 @@ class Trajectory(Protocol):
 
 def schedule(trajectory: Trajectory, period: float) -> WheelSchedule:
     """The trajectory at 0, period, 2 period, …, duration."""
-    return _frozen(trajectory.sample(sample_times(trajectory.duration, period)))
+    made = trajectory.sample(sample_times(trajectory.duration, period))
+    return _frozen(replace(made, wheel_acceleration=_accelerations(made)))
+
+
+def _accelerations(made: WheelSchedule) -> Array:
+    """Of the cubics that a client draws through the samples (n, m): as the interval after each sample begins,
+    and as the last one ends."""
+    h, rate = np.diff(made.time)[:, None], made.wheel_velocity
+    mean = np.diff(made.wheel_angle, axis=0) / h
+    begin = (6 * mean - 4 * rate[:-1] - 2 * rate[1:]) / h
+    end = (2 * rate[-2] + 4 * rate[-1] - 6 * mean[-1]) / h[-1]
+    return np.concatenate([begin, end[None]])
 
 
 def sample_times(duration: float, period: float) -> Array:

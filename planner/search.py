@@ -118,13 +118,15 @@ class Search:
 
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
-        turn, found = 0, False
+        turn, found = 0, any(each["outcome"] == "solved" for each in self.tried)
         while not clock() and (self.allowance is None or self.work < self.allowance):
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
             work *= 2**again
             if not self.connector.reverse:
                 name = _TURNS[0][0]  # BKPIECE1 takes motions to be as free the other way round
+            # Routes that lead nowhere are not followed again once another search has found a way.
+            guided = guided and not (found and self._is_misled())
             more = found and self.allowance is not None
             if more and not guided:
                 # Other ways are found by chance, at once, rather than by patience.
@@ -145,8 +147,13 @@ class Search:
             if path is not None:
                 found = True
                 yield name, path
-            elif turn == 1:
+            elif turn == 1 and not found:
                 self.doubt()
+
+    def _is_misled(self) -> bool:
+        """Whether routes were followed, and none of them to the goal."""
+        outcomes = {each["outcome"] for each in self.tried if each["guided"]}
+        return outcomes == {"not solved"}
 
     def others(self, clock: Any) -> Iterator[Path]:
         """A few ways found as the first was, by other draws, where that was at once: by twice its work."""

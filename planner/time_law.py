@@ -211,7 +211,7 @@ class _ActuatorConstraint(LinearConstraint):  # type: ignore[misc]
 def _toppra(grid: Array, a: Array, b: Array, x_max: Array, scheme: DiscretizationType) -> Profile | None:
     # In a unit of time near the answer: TOPPRA's tolerances are absolute.
     used = np.abs(a).max(0) > 1e-9
-    unit = 2 * math.sqrt(np.abs(a).max()) + 1 / math.sqrt(x_max.min())
+    unit = 2 * math.sqrt(np.abs(a).max()) + float(np.trapezoid(1 / np.sqrt(x_max), grid))
     limited = _ActuatorConstraint(
         a[:, used] / unit**2, b[:, used] / unit**2, np.minimum(x_max * unit**2, 1e6), scheme
     )

@@ -47,6 +47,14 @@ class Phases:
     def duration(self) -> float:
         return math.fsum(phase.duration for phase in self.phases)
 
+    @property
+    def is_even(self) -> bool:
+        """Whether all actuators turn in proportion in each phase."""
+        return not any(
+            isinstance(phase, Flowing | Warped) or (isinstance(phase, Driven) and len(phase.grid) > 2)
+            for phase in self.phases
+        )
+
     def sample(self, time: Array) -> WheelSchedule:
         """The motion at times (n,), which must increase within [0, duration]."""
         n, m, k = len(time), len(self.drive.wheel_names), len(self.drive.steered_names)

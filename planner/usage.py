@@ -17,35 +17,50 @@ _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
 """Gauss's rule over [0, 1]: nodes, weights, and weights of the integrals up to each node."""
-_SLIP, _SLOW = 3e-4, 0.05
+_AT = np.array([0.0, 0.5, 1.0])
+_BASIS = np.linalg.inv(np.vander(_NODES, increasing=True))
+_VALUES, _SLOPES = (
+    np.vander(_AT, 3, increasing=True) @ _BASIS,
+    np.outer(2 * _AT, [0, 0, 1]) @ _BASIS + _BASIS[1],
+)
+"""Weights of the values at the nodes for values and slopes of the quadratic where an interval begins, in its
+middle, and where it ends."""
+_SLIP, _SLOW = 7e-4, 0.05
 """Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
-_FEW = 1e-9
-"""Speed (m/s) below which the direction of travel is taken from the acceleration."""
+_FEW = 1e-6
+"""Speed (m/s) below which all acceleration counts as along the direction of travel."""
 
 
-def slow_factors(made: WheelSchedule, limits: Limits) -> Array:
+def slow_factors(made: WheelSchedule, drive: Drive, limits: Limits) -> Array:
     """By what factor a motion must be slowed over each interval (n,) between samples to keep all limits."""
-    body = np.array([limits.linear_speed, limits.angular_speed, limits.linear_acceleration,
-                     limits.lateral_acceleration])  # fmt: skip
     steering_rate = np.full(made.steering_rate.shape[1], limits.steering_rate)
     factors = np.zeros(len(made.time) - 1)
     _rates(made.time, made.steering_angle, made.steering_rate, steering_rate, factors)
     _rates(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_speed, factors)
-    _changes(made.time, made.wheel_angle, made.wheel_velocity, made.wheel_acceleration,
-             limits.wheel_acceleration, limits.wheel_jerk, factors)  # fmt: skip
-    _body(made.time, made.twist, made.pose, body, factors)
+    _changes(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_acceleration, limits.wheel_jerk,
+             factors)  # fmt: skip
+    _speeds(made.twist, limits.linear_speed, limits.angular_speed, factors)
+    along, across = limits.linear_acceleration, limits.lateral_acceleration
+    if min(along, across) < math.inf:
+        _pushes(np.diff(made.time), _twists(made, drive)[0], along, across, factors)
     return factors
 
 
 def rolled(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
-    """The largest slip over each interval (n,) between samples, over what is allowed; and the poses (n + 1, 3)
-    at the samples that rolling the interpolated wheels leads to."""
+    """The largest slip over each interval (n,) between samples, as a share of what is allowed; and the poses
+    (n + 1, 3) at the samples that rolling the interpolated wheels leads to."""
+    twist, slip = _twists(made, drive)
+    speed = max(float(np.hypot(*twist[:, :2].T).max()), _SLOW)
+    shares: Array = slip.reshape(-1, len(_NODES)).max(1) / (_SLIP * speed)
+    return shares, _poses(made.pose[0].copy(), np.diff(made.time), twist)
+
+
+def _twists(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
+    """Twists (3n, 3) and slip (3n,) of the interpolated wheels at the nodes of intervals."""
     step = np.diff(made.time)
     rates = _interpolated(step, made.wheel_angle, made.wheel_velocity)[1]
     twist, slip = drive.forward(rates, *_interpolated(step, made.steering_angle, made.steering_rate))
-    speed = max(float(np.hypot(*twist[:, :2].T).max()), _SLOW)
-    shares: Array = slip.reshape(-1, len(_NODES)).max(1) / (_SLIP * speed)
-    return shares, _poses(made.pose[0].copy(), step, np.ascontiguousarray(twist))
+    return np.ascontiguousarray(twist), slip
 
 
 def _interpolated(step: Array, angle: Array, rate: Array) -> tuple[Array, Array]:
@@ -55,7 +70,8 @@ def _interpolated(step: Array, angle: Array, rate: Array) -> tuple[Array, Array]
     square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
     value = angle[:-1, None] + u * (begin + u * (square + u * cube))
     slope = (begin + u * (2 * square + 3 * u * cube)) / h
-    return value.reshape(-1, angle.shape[1]), slope.reshape(-1, angle.shape[1])
+    shape = (len(step) * len(_NODES), angle.shape[1])
+    return value.reshape(shape), slope.reshape(shape)
 
 
 @kernel
@@ -102,43 +118,48 @@ def _rates(time: Array, angle: Array, rate: Array, limit: Array, factors: Array)
 
 @kernel
 def _changes(
-    time: Array, angle: Array, rate: Array, change: Array, acceleration: Array, jerk: Array, factors: Array
+    time: Array, angle: Array, rate: Array, acceleration: Array, jerk: Array, factors: Array
 ) -> None:
     """Raise factors (n,) to what the accelerations and jerks of wheels ask for, given their limits (m,)."""
-    for i in range(len(factors)):
-        h = time[i + 1] - time[i]
-        for j in range(angle.shape[1]):
+    for j in range(angle.shape[1]):
+        before = 0.0
+        for i in range(len(factors)):
+            h = time[i + 1] - time[i]
             mean = (angle[i + 1, j] - angle[i, j]) / h
-            first = abs(6.0 * mean - 4.0 * rate[i, j] - 2.0 * rate[i + 1, j]) / h
-            last = abs(4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
-            factors[i] = max(factors[i], math.sqrt(max(first, last) / acceleration[j]))
+            first = (6.0 * mean - 4.0 * rate[i, j] - 2.0 * rate[i + 1, j]) / h
+            last = (4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
+            factors[i] = max(factors[i], math.sqrt(max(abs(first), abs(last)) / acceleration[j]))
             if jerk[j] < np.inf:
-                jerked = abs(change[i + 1, j] - change[i, j]) / (h * jerk[j])
+                jerked = max(abs(last - first), abs(last - before)) / (h * jerk[j])
                 factors[i] = max(factors[i], np.cbrt(jerked))
+            before = last
 
 
 @kernel
-def _body(time: Array, twist: Array, pose: Array, limits: Array, factors: Array) -> None:
-    """Raise factors (n,) to what the body's limits ask for, twists and poses (n + 1, 3)."""
-    speed, turn, along, across = limits
+def _speeds(twist: Array, linear: float, angular: float, factors: Array) -> None:
+    """Raise factors (n,) to the largest share of the body's speeds, given its twists (n + 1, 3)."""
     for i in range(len(factors)):
         for k in (i, i + 1):
             vx, vy, omega = twist[k]
-            factors[i] = max(factors[i], math.sqrt(vx * vx + vy * vy) / speed, abs(omega) / turn)
-            if vy == 0.0:
-                factors[i] = max(factors[i], math.sqrt(abs(vx * omega) / across))
-        if along == np.inf and across == np.inf:
-            continue
-        # The change of velocity in the frame of this sample, along and across the mean velocity.
-        gained, h = pose[i + 1, 2] - pose[i, 2], time[i + 1] - time[i]
-        c, s = math.cos(gained), math.sin(gained)
-        vx, vy = twist[i, 0], twist[i, 1]
-        wx, wy = c * twist[i + 1, 0] - s * twist[i + 1, 1], s * twist[i + 1, 0] + c * twist[i + 1, 1]
-        ax, ay, mx, my = (wx - vx) / h, (wy - vy) / h, (vx + wx) / 2, (vy + wy) / 2
-        size = math.sqrt(mx * mx + my * my)
-        if size < _FEW:
-            mx, my, size = ax, ay, math.sqrt(ax * ax + ay * ay)
-        if size > 0.0:
-            factors[i] = max(factors[i], math.sqrt(abs(ax * mx + ay * my) / (size * along)))
-            if vy != 0.0 or twist[i + 1, 1] != 0.0:
-                factors[i] = max(factors[i], math.sqrt(abs(ax * my - ay * mx) / (size * across)))
+            factors[i] = max(factors[i], math.sqrt(vx * vx + vy * vy) / linear, abs(omega) / angular)
+
+
+@kernel
+def _pushes(step: Array, twist: Array, along: float, across: float, factors: Array) -> None:
+    """Raise factors (n,) to what the body's accelerations along and across its velocity ask for, where
+    intervals begin, end, and are halfway: of the quadratics through the twists (3n, 3) at their nodes."""
+    for i in range(len(factors)):
+        for k in range(len(_VALUES)):
+            vx = vy = omega = dx = dy = 0.0
+            for a in range(3):
+                x, y, turn = twist[3 * i + a]
+                vx, vy = vx + _VALUES[k, a] * x, vy + _VALUES[k, a] * y
+                omega += _VALUES[k, a] * turn
+                dx, dy = dx + _SLOPES[k, a] * x, dy + _SLOPES[k, a] * y
+            dx, dy, size = dx / step[i], dy / step[i], math.sqrt(vx * vx + vy * vy)
+            if size < _FEW:
+                pushed = math.sqrt(dx * dx + dy * dy) / along
+            else:
+                bend = vx * dy - vy * dx + omega * size * size
+                pushed = max(abs(dx * vx + dy * vy) / along, abs(bend) / across) / size
+            factors[i] = max(factors[i], math.sqrt(pushed))

@@ -1,8 +1,13 @@
-"""What the first plan of a process would otherwise wait for."""
+"""Compiles and loads all kernels, by planning small problems."""
 
 from __future__ import annotations
 
+import os
+import sys
 from contextlib import suppress
+from itertools import chain
+from signal import SIG_IGN, SIGINT, signal
+from threading import Thread
 from typing import Literal
 
 import numpy as np
@@ -12,10 +17,11 @@ from drives.drive import Drive, Limits
 from drives.se2 import Pose
 from drives.wheel import Module
 from planner.errors import NoPathExists
+from planner.kernels import assume_ready, make_ready
 from planner.plan import plan
 from planner.problem import Bounds, Circle, Environment, Footprint, Goal, Options, Polygon, Problem, Robot
 
-__all__ = ["warm_up"]
+__all__ = ["compile_share", "warm_up"]
 
 _CASTERS = Module("left", 0.0, 0.2), Module("right", 0.0, -0.2)
 _DRIVES: tuple[tuple[Drive, float], ...] = (
@@ -28,13 +34,41 @@ _DRIVES: tuple[tuple[Drive, float], ...] = (
 
 
 def warm_up() -> None:
-    """Import and compile whatever the first plan would otherwise wait for, by planning a little of
-    everything: round a wall, by a detour round two, and where there is no way."""
-    for drive, steering in _DRIVES:
-        plan(_problem(drive, steering, "good", _wall(0.0, -4.0, 1.0)))
-        plan(_problem(drive, steering, "first", _wall(-1.0, -4.0, 2.0), _wall(1.0, -2.0, 4.0)))
+    """Compiles all kernels that the cache lacks, and loads all of them into this process."""
+    make_ready()
+    for problem in _problems():
+        _plan(problem)
+
+
+def compile_share(share: int, of: int) -> None:
+    """Compiles the kernels of every `of`-th problem, from `share` on, in a process of make_ready's."""
+    signal(SIGINT, SIG_IGN)  # the parent tells us when to end
+    Thread(target=_end_with_parent, daemon=True).start()
+    assume_ready()
+    for problem in _problems()[share::of]:
+        _plan(problem)
+
+
+def _end_with_parent() -> None:
+    sys.stdin.read()
+    os._exit(1)
+
+
+def _plan(problem: Problem) -> None:
     with suppress(NoPathExists):
-        plan(_problem(*_DRIVES[0], "first", _wall(0.0, -4.0, 4.0)))
+        plan(problem)
+
+
+def _problems() -> list[Problem]:
+    """Problems that together use all kernels: two walls with a detour, one wall, no way, and an open floor.
+
+    Neighbours in the list begin with different kernels, so that two processes seldom wait for each other.
+    """
+    firsts = [_problem(*each, "first", _wall(-1.0, -4.0, 2.0), _wall(1.0, -2.0, 4.0)) for each in _DRIVES]
+    goods = [_problem(*each, "good", _wall(0.0, -4.0, 1.0)) for each in _DRIVES]
+    open_floor = _problem(*_DRIVES[0], "good")
+    shut = _problem(*_DRIVES[0], "first", _wall(0.0, -4.0, 4.0))
+    return [firsts[0], open_floor, shut, *chain(*zip(goods, firsts[1:], strict=False)), goods[-1]]
 
 
 def _wall(x: float, y_min: float, y_max: float) -> Polygon:
@@ -50,6 +84,6 @@ def _problem(drive: Drive, steering: float, effort: Literal["first", "good"], *w
         Pose(-2.0, 0.0, 0.0),
         Goal(2.0, 0.0, 0.5),
         Environment(Bounds(-4.0, -4.0, 4.0, 4.0), (*walls, Circle(0.0, 1.0, 0.1))),
-        Options(time_budget=60.0, effort=effort),  # compiling counts as planning time here
+        Options(time_budget=3600.0, effort=effort),  # a slow machine may need it
         np.zeros(len(drive.steered_names)),
     )

@@ -96,6 +96,7 @@ async function* events(body) {
         .map((line) => /^(\w+): ?(.*)$/.exec(line))
         .filter(Boolean);
       const of = (field) => lines.filter((line) => line[1] === field).map((line) => line[2]);
+      if (lines.length === 0) continue; // a comment, which says that the service still plans
       yield { name: of("event").at(-1) ?? "message", data: of("data").join("\n") };
     }
   }

@@ -10,7 +10,7 @@ import time
 import pytest
 
 import planner.plan
-from api.batch_store import BatchStore
+from api.batch_store import BatchStore, Record
 from api.batches import Batches
 from api.errors import Refusal
 from planner.errors import NoPathExists
@@ -44,6 +44,10 @@ def lines(client, path):
     found = [json.loads(line) for line in answer.text.splitlines()]
     assert len({line["index"] for line in found}) == len(found)
     return {line["index"]: line for line in found}
+
+
+def echo(request, held):
+    return request
 
 
 def until(condition, within=20.0):
@@ -343,18 +347,21 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
     """The application's test client does not stream: this asks the batches themselves."""
 
     class Idle:
-        ready, spare, draining = True, 1, False
+        ready, draining = True, False
+
+        def starts(self, ticket):
+            return True
 
     gates = [asyncio.Event() for _ in range(3)]
 
-    async def plan(number):
+    async def plan(number, ticket):
         await gates[number].wait()
         return b'{"number":%d}' % number
 
     async def main():
-        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, plan, 1)
+        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), echo, lambda *_: None, plan, 1)
         batches.start()
-        id = (await batches.add([0, 1, 2]))["id"]
+        id = (await batches.add([0, 1, 2], ""))["id"]
         early, seen = await batches.lines(id), []
         for number in (1, 2, 0):
             gates[number].set()
@@ -371,15 +378,138 @@ def test_results_are_followed_while_the_batch_runs(tmp_path, settings):
 
 def test_closing_ends_even_in_the_moment_in_which_a_worker_is_free_again(tmp_path):
     class Busy:
-        ready, spare, draining = True, 0, False
+        ready, draining = True, False
+
+        def starts(self, ticket):
+            return False
 
     async def main():
-        batches = Batches(Busy(), BatchStore(tmp_path, 60, 10**6), lambda request, _: request, None, 1)
+        batches = Batches(Busy(), BatchStore(tmp_path, 60, 10**6), echo, lambda *_: None, None, 1)
         batches.start()
-        id = (await batches.add([0]))["id"]
+        id = (await batches.add([0], ""))["id"]
         await asyncio.sleep(0.1)
         batches._stir.set()
         await batches.close()
         assert (await batches.document(id))["cancelled"] == 1
 
     asyncio.run(asyncio.wait_for(main(), 10))
+
+
+@pytest.mark.parametrize("content", ["{", "null", '{"id": 5}'])
+def test_a_bad_record_neither_refuses_new_batches_nor_stops_running_ones(inline_app, settings, body, content):
+    with inline_app() as client:
+        bad = begin(client, body)
+        ended(client, bad)
+        record = settings.data_dir / "batches" / bad.rpartition("/")[2] / "record.json"
+        until(lambda: json.loads(record.read_text())["finished"])
+        record.write_text(content)
+        for _ in range(2):
+            assert ended(client, begin(client, body, body))["done"] == 2
+        assert client.get(bad).status_code == 404
+        assert "\nwheelplan_batches_set_aside_total 1.0\n" in client.get("/metrics").text
+
+
+def test_a_record_that_a_newer_version_has_written_is_read(inline_app, settings, body):
+    with inline_app() as client:
+        path = begin(client, body)
+        document = ended(client, path)
+        file = settings.data_dir / "batches" / path.rpartition("/")[2] / "record.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"priority": 9}))
+    with inline_app() as client:
+        assert client.get(path).json() == document
+        begin(client, body)
+
+
+@pytest.mark.parametrize("broken", ["append", "save"])
+def test_a_batch_that_breaks_the_store_ends_and_the_next_one_runs(client, body, monkeypatch, broken):
+    real, spoilt = getattr(BatchStore, broken), []
+
+    def break_(self, record, *args):
+        midway = record.done + record.failed and not record.finished
+        if midway or broken == "append":
+            spoilt.append(record.id)
+            if record.id == spoilt[0]:
+                raise KeyError("a bug")
+        return real(self, record, *args)
+
+    monkeypatch.setattr(BatchStore, broken, break_)
+    path = begin(client, {}, body, body)
+    assert ended(client, path)["finished"]
+    assert ended(client, begin(client, {}, body))["done"] == 1
+    assert "\nwheelplan_batches 0.0\n" in client.get("/metrics").text
+
+
+def test_an_item_whose_problem_cannot_be_written_ends_its_batch_alone(client, body, monkeypatch):
+    monkeypatch.setattr("api.batches.write_json", lambda value: 1 / 0)
+    assert ended(client, begin(client, body, {}))["cancelled"] >= 1
+    monkeypatch.undo()
+    assert ended(client, begin(client, {}, body))["done"] == 1
+
+
+def test_results_that_are_shorter_than_their_record_end_the_answer(tmp_path):
+    async def main():
+        store = BatchStore(tmp_path, 60, 10**6)
+        batches = Batches(None, store, echo, lambda *_: None, None, 1)
+        record = Record("a" * 32, 1, time.time())
+        results = store.create(record)
+        store.append(record, results, b"line\n")
+        record.failed, record.finished = 1, time.time()
+        store.save(record)
+        lines = await batches.lines(record.id)
+        results.cut(0)
+        results.close()
+        with pytest.raises(OSError, match="shorter"):
+            await anext(lines)
+
+    asyncio.run(asyncio.wait_for(main(), 10))
+
+
+def test_a_batch_that_must_leave_a_worker_free_does_not_hold_up_another(tmp_path):
+    class Choosy:
+        ready, draining = True, False
+
+        def starts(self, ticket):
+            return ticket != "long"
+
+    async def plan(number, ticket):
+        return b"{}"
+
+    async def main():
+        store = BatchStore(tmp_path, 60, 10**6)
+        batches = Batches(Choosy(), store, echo, lambda problem, client: client, plan, 2)
+        batches.start()
+        long, short = [(await batches.add([0, 1], client))["id"] for client in ("long", "short")]
+        async with asyncio.timeout(5):
+            while (await batches.document(short))["done"] < 2:
+                await asyncio.sleep(0.01)
+        assert (await batches.document(long))["waiting"] == 2
+        await batches.close()
+
+    asyncio.run(main())
+
+
+def test_while_nothing_comes_an_empty_line_tells_that_the_batch_runs(tmp_path, monkeypatch):
+    class Idle:
+        ready, draining = True, False
+
+        def starts(self, ticket):
+            return True
+
+    gate = asyncio.Event()
+
+    async def plan(number, ticket):
+        await gate.wait()
+        return b"{}"
+
+    async def main():
+        monkeypatch.setattr("api.heartbeat._SILENCE", 0.05)
+        batches = Batches(Idle(), BatchStore(tmp_path, 60, 10**6), echo, lambda *_: None, plan, 1)
+        batches.start()
+        lines = await batches.lines((await batches.add([0], ""))["id"])
+        assert [await anext(lines) for _ in range(3)] == [b"\n"] * 3
+        gate.set()
+        rest = [json.loads(line) for line in [line async for line in lines] if line.strip()]
+        assert [line["index"] for line in rest] == [0]
+        await batches.close()
+
+    asyncio.run(asyncio.wait_for(main(), 20))

@@ -87,6 +87,15 @@ def test_a_batch_gives_a_plan_or_a_problem_for_each_request(wheelplan: Client, b
     assert refused.problem.pointers == ["/start/x"]
 
 
+def test_signs_of_life_are_no_results(
+    wheelplan: Client, body: dict[str, Any], planner_: FakePlanner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("api.heartbeat._SILENCE", 0.05)
+    planner_.meanwhile = lambda _: time.sleep(0.3)
+    assert [result.index for result in wheelplan.batch([body])] == [0]
+    assert [improvement.final for improvement in wheelplan.plan_stream(body)] == [True]
+
+
 def test_a_batch_that_is_left_early_is_cancelled(
     wheelplan: Client, body: dict[str, Any], planner_: FakePlanner, monkeypatch: pytest.MonkeyPatch
 ) -> None:

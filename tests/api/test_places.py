@@ -11,7 +11,7 @@ from api.places import keep_to
 @pytest.fixture(autouse=True)
 def _restored(monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", tempfile.tempdir)
-    for variable in ("TMPDIR", "NUMBA_CACHE_DIR", "MPLCONFIGDIR"):
+    for variable in ("TMPDIR", "MPLCONFIGDIR"):
         monkeypatch.setenv(variable, "/nonexistent")  # so that all are put back
         monkeypatch.delenv(variable)
 
@@ -23,18 +23,6 @@ def read_only(monkeypatch, *folders):
     monkeypatch.setattr(os, "access", lambda path, mode: str(path) not in named and access(path, mode))
 
 
-def test_compiled_kernels_move_into_the_data_folder_where_theirs_is_read_only(monkeypatch, tmp_path):
-    (built := tmp_path / "built").mkdir()
-    (built / "kernel.nbi").write_bytes(b"machine code")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(built))
-    read_only(monkeypatch, built)
-    keep_to(tmp_path / "data")
-    moved = os.environ["NUMBA_CACHE_DIR"]
-    assert moved == str(tmp_path / "data/cache/kernels")
-    with open(f"{moved}/kernel.nbi", "rb") as kernel:
-        assert kernel.read() == b"machine code"
-
-
 def test_temporary_files_go_to_the_data_folder_where_theirs_is_read_only(monkeypatch, tmp_path):
     (place := tmp_path / "tmp").mkdir()
     monkeypatch.setenv("TMPDIR", str(place))
@@ -44,10 +32,9 @@ def test_temporary_files_go_to_the_data_folder_where_theirs_is_read_only(monkeyp
 
 
 def test_what_can_be_written_to_or_made_stays(monkeypatch, tmp_path):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "to/be/made"))
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path / "to/be/made"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     keep_to(tmp_path / "data")
-    assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "to/be/made")
+    assert os.environ["MPLCONFIGDIR"] == str(tmp_path / "to/be/made")
     assert os.environ["TMPDIR"] == str(tmp_path)
-    assert "MPLCONFIGDIR" not in os.environ
     assert not (tmp_path / "data").exists()

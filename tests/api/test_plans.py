@@ -141,7 +141,7 @@ def test_a_refusal_of_the_pool_is_a_problem(client, body, planner_, refusal, sta
 
 
 def test_a_full_service_refuses_without_looking_at_the_body_and_counts_it(client, body, monkeypatch):
-    def full():
+    def full(ticket):
         raise Refusal("overloaded", "full", retry_after=3)
 
     monkeypatch.setattr(client.app.state.pool, "admit", full)
@@ -157,7 +157,7 @@ def test_a_full_service_refuses_without_looking_at_the_body_and_counts_it(client
 
 
 def test_a_full_service_asks_for_a_token_first(inline_app, body, tmp_path, monkeypatch):
-    def full():
+    def full(ticket):
         raise Refusal("overloaded", "full", retry_after=3)
 
     (tmp_path / "tokens").write_text("right")

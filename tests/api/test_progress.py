@@ -1,6 +1,7 @@
 """POST /v1/plans as server-sent events, and `wheelplan plan` that is interrupted."""
 
 import json
+import time
 
 import pytest
 
@@ -68,3 +69,22 @@ def test_an_interrupt_before_a_first_plan_ends_the_command(body, planner_, tmp_p
     (tmp_path / "request.json").write_text(json.dumps(body))
     with pytest.raises(KeyboardInterrupt):
         cli.main(["plan", str(tmp_path / "request.json")])
+
+
+def test_a_comment_tells_that_the_service_still_plans(client, body, planner_, monkeypatch):
+    monkeypatch.setattr("api.heartbeat._SILENCE", 0.1)
+    planner_.meanwhile = lambda _: time.sleep(0.35)
+    answer = client.post("/v1/plans", json=body, headers=EVENTS)
+    assert answer.text.count(": still planning\n\n") >= 3
+    assert answer.text.startswith(":")
+    assert answer.text.count("event: plan\n") == 1
+
+
+def test_what_fails_after_a_comment_is_an_event(client, body, planner_, monkeypatch):
+    monkeypatch.setattr("api.heartbeat._SILENCE", 0.1)
+    planner_.meanwhile = lambda _: time.sleep(0.15)
+    planner_.raises = NoPathFound("nothing", tried=[])
+    answer = client.post("/v1/plans", json=body, headers=EVENTS)
+    assert answer.status_code == 200
+    assert answer.text.startswith(": still planning\n\n")
+    assert '"no-path-found"' in answer.text.rpartition("event: problem\n")[2]

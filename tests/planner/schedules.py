@@ -1,6 +1,7 @@
 """Schedules made by hand, and the problems that they solve.
 
-Most are a speed bump sin²(πt/T) along a path whose poses are known in closed form.
+Most are a speed bump sin²(πt/T) along a path whose poses are known in closed form. Those of `exact` have
+accelerations that change at samples only.
 """
 
 from __future__ import annotations
@@ -86,24 +87,50 @@ def tangent_of(drive: Drive) -> Twist:
     return Twist(1.0, 0.0, 0.3 if isinstance(mobility, Car) else 0.7)
 
 
+Law = tuple[Array, Array, Array]
+"""Way, speed and acceleration along a path at the times of a fine grid."""
+
+
+def bump(fine: Array, pick: Any) -> Law:
+    turn = 2 * np.pi / fine[-1]
+    s = fine / 2 - np.sin(turn * fine) / (2 * turn)
+    return s, np.sin(turn * fine / 2) ** 2, turn / 2 * np.sin(turn * fine)
+
+
+def ramps(fine: Array, pick: Any) -> Law:
+    """Speed linear between samples: up to 1, and down again to a last step of any length."""
+    time = fine[pick]
+    rise = 1.25 / time[-1]
+    at = np.minimum(np.minimum(4 * rise * time, 1.0), 4 * rise * (time[-1] - time))
+    speed, slope = np.interp(fine, time, at), np.diff(at) / np.diff(time)
+    interval = np.searchsorted(time, fine * (1 + 1e-12), side="right").clip(1, len(time) - 1) - 1
+    way = np.append(0.0, np.cumsum(np.diff(fine) * (speed[1:] + speed[:-1]) / 2))
+    return way, speed, slope[interval]
+
+
+def exact(kind: str, period: float = PERIOD, duration: float = DURATION, **options: Any) -> Case:
+    """A true schedule whose accelerations along the path change at samples only."""
+    return moving(drive_of(kind), period=period, duration=duration, law=ramps, **options)
+
+
 def moving(
     drive: Drive,
     tangent: Twist | None = None,
     weave: float = 0.0,
     period: float = PERIOD,
     duration: float = DURATION,
+    law: Callable[[Array, Any], Law] = bump,
 ) -> Case:
-    """A true schedule: a bump of speed along an arc, or (weave, 1/m) along a curve that changes curvature."""
+    """A true schedule: along an arc, or (weave, 1/m) along a curve that changes curvature."""
     tangent = tangent or tangent_of(drive)
     fine = np.append(np.arange(0.0, duration - 1e-9, period / 20), duration)
-    turn = 2 * np.pi / duration
-    s = fine / 2 - np.sin(turn * fine) / (2 * turn)
-    speed, change = np.sin(turn * fine / 2) ** 2, turn / 2 * np.sin(turn * fine)
+    pick = np.append(np.arange(0, len(fine) - 1, 20), len(fine) - 1)
+    s, speed, change = law(fine, pick)
     heading = START.theta + tangent.omega * s + weave * (1 - np.cos(s))
     along, steeper = np.tile(tangent, (len(s), 1)), np.zeros((len(s), 3))
     along[:, 2] += weave * np.sin(s)
     steeper[:, 2] = weave * np.cos(s)
-    law = drive.actuators(BodyPath(s, heading, along, steeper))
+    wheels = drive.actuators(BodyPath(s, heading, along, steeper))
 
     def integral(rate: Array) -> Array:
         steps = np.diff(fine)[:, None] * (rate[1:] + rate[:-1]) / 2
@@ -116,10 +143,9 @@ def moving(
     pose = np.column_stack([position, heading])
     if not weave:
         pose = np.array([compose(START, exp(Twist(*(x * each for each in tangent)))) for x in s])
-    pick = np.append(np.arange(0, len(fine) - 1, 20), len(fine) - 1)
     columns = (
-        fine, integral(law.wheel * v), law.wheel * v, law.wheel * a + law.wheel_derivative * v**2,
-        law.steering, law.steering_derivative * v, pose, along * v,
+        fine, integral(wheels.wheel * v), wheels.wheel * v, wheels.wheel * a + wheels.wheel_derivative * v**2,
+        wheels.steering, wheels.steering_derivative * v, pose, along * v,
     )  # fmt: skip
     schedule = WheelSchedule(*(column[pick] for column in columns))
     return asking_for(drive, schedule, period)

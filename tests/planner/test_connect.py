@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from planner.connect import connector
 from planner.curves import SEGMENTS
 from planner.edges import joined
 from planner.environment import CollisionWorld
-from planner.problem import Environment, Options, Robot
+from planner.path import LinePiece, Path, TwistPiece
+from planner.problem import Bounds, Environment, Options, Robot
 from tests.planner.worlds import is_path_free
 
 
@@ -73,3 +75,21 @@ def test_wider_curves_are_those_of_a_connector_of_that_radius(
         radius = scale * local.turning_radius
         wider = connector(given, world, Options(reverse=reverse, turning_radius=radius)).motions(a, b)
         np.testing.assert_allclose(motions.times, wider.times, rtol=1e-12)
+
+
+def test_a_swerve_that_steers_slowly_holds_a_twist_all_the_way(robot: Callable[..., Robot]) -> None:
+    given = robot("swerve")
+    world = CollisionWorld.build(Environment(Bounds(-9.0, -9.0, 9.0, 9.0)), given.footprint)
+    a, b = np.array([[0.0, 0.0, 0.2]]), np.array([[2.0, 1.0, 1.4]])
+
+    def quickest(rate: float) -> Path:
+        limits = replace(given.limits, steering_rate=rate)
+        tried = connector(replace(given, limits=limits), world, Options(effort="first")).direct(a, b)
+        motions = min(tried, key=lambda motions: float(motions.times.min(initial=np.inf)))
+        return motions.path(0, int(np.argmin(motions.times[0])))
+
+    (piece,) = quickest(0.1)
+    assert isinstance(piece, TwistPiece)
+    np.testing.assert_allclose(piece.end, b[0], atol=1e-12)
+    (piece,) = quickest(100.0)
+    assert isinstance(piece, LinePiece)

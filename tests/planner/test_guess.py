@@ -76,3 +76,13 @@ def test_part_of_a_guess_keeps_its_knots_where_it_has_as_many() -> None:
     time = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.5])
     np.testing.assert_allclose(led(0.4, time).part(1, 4, 3).time, time[1:5] - 0.1)
     np.testing.assert_allclose(led(0.4, time).part(1, 4, 6).time, [0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9])
+
+
+def test_on_a_short_way_a_guess_brakes_before_full_speed_and_its_poses_go_where_its_speeds_do() -> None:
+    plain = ROBOTS["mecanum"]
+    way = (LinePiece(Pose(0, 0, 0), Pose(0.05, 0, 0)),)
+    guess = flowing(way, plain.drive, plain.limits, "twist", 64)
+    assert guess.time[-1] < 0.8 * ramp_time(plain.limits)
+    speed = guess.coordinates[:, 0]
+    driven = np.append(0.0, np.cumsum(np.diff(guess.time) * (speed[1:] + speed[:-1]) / 2))
+    np.testing.assert_allclose(guess.pose[:, 0], driven, atol=2e-4)

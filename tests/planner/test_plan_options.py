@@ -15,6 +15,7 @@ from tests.planner.plans import (
     NONHOLONOMIC,
     Ask,
     closes,
+    distance,
     every_drive,
     keeps_limits,
     largest,
@@ -64,15 +65,14 @@ def test_turning_radius_is_a_floor(ask: Ask, kind: str, reverse: bool) -> None:
 
 @every_drive
 @pytest.mark.parametrize("period", [0.005, 0.1])
-def test_sample_period_spaces_the_same_motion(ask: Ask, kind: str, period: float) -> None:
+def test_another_sample_period_changes_the_duration_by_a_few_periods(
+    ask: Ask, kind: str, period: float
+) -> None:
     usual, asked = (plan(ask(kind, *JOURNEYS["floor"], sample_period=p)) for p in (0.02, period))
-    assert asked.duration == usual.duration
+    assert abs(asked.duration - usual.duration) < 1.5 * max(period, 0.02) * (usual.planning["stops"] + 2)
     assert asked.schedule.time[:-1] == pytest.approx(np.arange(len(asked.schedule.time) - 1) * period)
     assert keeps_limits(asked)
-    finer, coarser = sorted((usual.schedule, asked.schedule), key=lambda s: -len(s.time))
-    ratio = round(max(period, 0.02) / min(period, 0.02))
-    n = len(coarser.time) - 1
-    assert finer.pose[: n * ratio : ratio] == pytest.approx(coarser.pose[:n], abs=1e-7)
+    assert distance(asked.schedule.pose[-1], usual.schedule.pose[-1]) < 1e-5
 
 
 # ---------------------------------------------------------------- limits

@@ -153,27 +153,3 @@ def test_poses_are_the_integral_of_twists(robot: Callable[..., Robot], kind: str
         gained = np.cumsum((h * (rates[1:] + rates[:-1]) / 2)[1:-1], axis=0)
         assert made.pose[2:-1] - made.pose[1] == pytest.approx(gained, abs=1e-5)
         assert made.pose[-1] == pytest.approx(piece.end, abs=1e-12)
-
-
-# ---------------------------------------------------------------- slower
-
-
-@pytest.mark.parametrize("by", [1.0, 1.5])
-def test_a_slowed_motion_goes_the_same_way_and_rests_at_samples(
-    robot: Callable[..., Robot], by: float
-) -> None:
-    period, example = 0.1, robot("tricycle")
-    bend = TwistPiece(Pose(0.0, 0.0, 0.0), Twist(1.0, 0.0, 0.7))
-    path = (bend, TwistPiece(bend.end, Twist(-0.8, 0.0, 0.5)))
-    motion = time_path(path, example.drive, example.limits, np.array([0.1]))
-    slower = motion.slowed(by, period)
-    assert len(slower.phases) == len(motion.phases) == 4
-    for before, after in zip(motion.phases, slower.phases, strict=True):
-        assert after.duration / period == pytest.approx(round(after.duration / period), abs=1e-9)
-        assert by * before.duration <= after.duration * (1 + 1e-12) < by * before.duration + period
-    made, whole = schedule(slower, period), schedule(motion, 0.001)
-    assert np.abs(made.pose[-1] - whole.pose[-1]).max() < 1e-12
-    assert np.abs(made.wheel_angle[-1] - whole.wheel_angle[-1]).max() < 1e-9
-    # Steered wheels stand at the samples between which the body drives.
-    drives = (np.abs(made.wheel_velocity) > 1e-9).any(1)
-    assert not made.steering_rate[drives | np.roll(drives, 1) | np.roll(drives, -1)].any()

@@ -36,11 +36,13 @@ def test_steering_spoiled_is_named(kind: str) -> None:
     first = drive_of(kind).steered_names[0]
     used = float(np.abs(schedule.steering_rate).max())
     case = case.limits(steering_rate=used * 1.001)
-    assert case.verify().steering_rate_ratio == pytest.approx(1 / 1.001, abs=1e-3)
+    assert case.verify().steering_rate_ratio == pytest.approx(1 / 1.001, abs=2e-3)
     assert case.problem.steering is not None
     turned = replace(case, problem=replace(case.problem, steering=changed(case.problem.steering, 0, 1e-3)))
     largest = float(np.abs(schedule.steering_angle).max())
-    mirrored = 2 * schedule.steering_angle[0] - schedule.steering_angle
+    # At the samples the rates are within the limit; the cubics between them are not.
+    bent = schedule.steering_angle.copy()
+    bent[70, 0] += used * PERIOD
     for spoiled, sentence in (
         (case.limits(steering_rate=used / 1.02), r"^the steering rate of \w+ is [\d.]+ rad/s at"),
         (
@@ -49,7 +51,7 @@ def test_steering_spoiled_is_named(kind: str) -> None:
         ),
         (
             column("steering_angle", (AFTER, 0), used / 10)(case),
-            rf"^the steering rate of {first} .* t = 1\.38",
+            rf"^the steering rate of {first} .* t = 1\.3[89]",
         ),
         (case.limits(steering_angle=largest / 1.001), r"^the steering angle of \w+ is [\d.]+ rad at"),
         (turned, rf"^the angle from the present steering of {first} is 0\.001 rad at t = 0\.0000 s"),
@@ -57,22 +59,16 @@ def test_steering_spoiled_is_named(kind: str) -> None:
             column("steering_rate", (-1, 0), 0.01)(case),
             rf"^the steering rate at an end of the motion of {first}",
         ),
-        (case.schedules(steering_angle=mirrored), r"^the gap between the steering angle and the integral"),
+        (
+            case.schedules(steering_angle=bent),
+            rf"^the steering rate of {first} is [\d.]+ rad/s at t = 1\.[34]",
+        ),
     ):
         found = spoiled.sentences()
         assert any(re.search(sentence, s) for s in found), (sentence, found)
     assert limits.steering_angle == math.inf
     exactly = case.limits(steering_angle=largest).verify()
     assert exactly.steering_angle_ratio == pytest.approx(1)
-
-
-def test_velocity_is_the_integral_of_acceleration_where_jerk_is_limited() -> None:
-    case = moving(drive_of("differential"))
-    used = np.abs(np.diff(case.schedule.wheel_acceleration, axis=0)).max() / PERIOD
-    case = case.limits(wheel_jerk=np.full(2, used))
-    assert case.verify().wheel_jerk_ratio == pytest.approx(1, rel=1e-3)
-    more = case.schedules(wheel_acceleration=case.schedule.wheel_acceleration + 0.3)
-    assert any("between the wheel velocity and the integral" in s for s in more.sentences())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -113,21 +109,23 @@ def test_the_limits_of_the_body(kind: str, name: str) -> None:
     }[name]
     found = case.limits(**{name: used * 1.001}).verify()
     assert getattr(found, f"{name}_ratio") == pytest.approx(1, abs=2e-3)
-    sentence = f"the {name.replace('_', ' ')} is "
-    assert any(s.startswith(sentence) for s in case.limits(**{name: used * 0.97}).sentences())
+    found_out = case.limits(**{name: used * 0.96}).sentences()
+    for motion in ("", " of the rolled motion"):
+        sentence = f"the {name.replace('_', ' ')}{motion} is "
+        assert any(s.startswith(sentence) for s in found_out), found_out
 
 
 def test_a_corner_taken_at_rest_is_no_lateral_acceleration() -> None:
-    """Two straight legs at a right angle; the stop between them falls inside an interval of the grid."""
-    drive, ramp = drive_of("omni"), 0.531
+    """Two straight legs at a right angle, and a stop at a sample between them."""
+    drive, ramp = drive_of("omni"), 0.54
     time = np.append(np.arange(0.0, 4 * ramp, PERIOD), 4 * ramp)
     s, speed, change = np.zeros((3, 2, len(time)))
     for leg in (0, 1):
         t = np.clip(time - 2 * leg * ramp, 0, 2 * ramp)
         s[leg] = np.where(t < ramp, t**2 / 2, ramp**2 - (2 * ramp - t) ** 2 / 2)
         speed[leg] = np.minimum(t, 2 * ramp - t)
-        change[leg] = np.where((t > 0) & (t < 2 * ramp), np.where(t < ramp, 1.0, -1.0), 0.0)
-    change[0, 0] = 1.0
+        slope = np.diff(speed[leg]) / np.diff(time)
+        change[leg] = np.append(slope, slope[-1])
     rows = np.array([drive.inverse(Twist(*e)).rates for e in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))])
     pose = np.array([compose(START, Pose(x, y, 0.0)) for x, y in s.T])
     none = np.zeros((len(time), 0))

@@ -77,9 +77,9 @@ class Server:
         except urllib.error.HTTPError as error:
             return error.code, error.headers, error.read()
 
-    def plan(self, body):
+    def plan(self, body, **headers):
         """(status, problem's code or None) of a plan request."""
-        status, _, answer = self.call("/v1/plans", body)
+        status, _, answer = self.call("/v1/plans", body, **headers)
         return status, json.loads(answer).get("code")
 
     def ready(self):
@@ -103,10 +103,10 @@ class Server:
         connection.sendall(data)
         return connection
 
-    def open(self, body):
-        """A connection that has sent a plan request."""
+    def open(self, body, *lines):
+        """A connection that has sent a plan request. lines: more of its head."""
         data = json.dumps(body).encode()
-        return self.connect(head(f"Content-Length: {len(data)}") + data)
+        return self.connect(head(f"Content-Length: {len(data)}", *lines) + data)
 
     def workers(self):
         """The processes that plan, which are children of the fork server."""
@@ -133,7 +133,7 @@ def serving(data_dir, token=None, **settings):
     """A server that is ready. token: what to show it for its metrics."""
     server = Server(data_dir, token, **settings)
     try:
-        until(lambda: server.ready() or server.process.poll() is not None, 300)
+        until(lambda: server.ready() or server.process.poll() is not None, 600)  # it may have to compile
         assert server.process.poll() is None, b"".join(server.log)
         until(lambda: server.metric("wheelplan_workers_idle") == settings.get("workers", 2))
         yield server

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from api.batch_store import BatchStore
-from tests.service.service import QUICK, busiest, serving, slow, until
+from tests.service.service import QUICK, busiest, in_background, serving, slow, until
 
 
 def begin(server, *requests):
@@ -121,3 +121,42 @@ def test_a_batch_ends_with_its_server_and_what_it_has_done_stays(tmp_path):
         assert server.process.wait(20) == 0
     record = BatchStore(tmp_path / "batches", 60, 10**9).load(drained.rpartition("/")[2])
     assert (record.done, record.failed, record.cancelled) == (1, 1, 3)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"id": 1}', "{}"])
+def test_a_bad_record_costs_no_other_batch(tmp_path, content):
+    bad = tmp_path / "batches" / ("b" * 32)
+    bad.mkdir(parents=True)
+    (bad / "record.json").write_text(content)
+    with serving(tmp_path, workers=1) as server:
+        for _ in range(2):
+            assert ended(server, begin(server, QUICK))["done"] == 1
+        assert server.metric("wheelplan_batches_set_aside_total") == 1
+        assert sum(b"a batch cannot be read" in line for line in server.log) == 1
+    assert (tmp_path / "batches" / f"{bad.name}.bad" / "record.json").read_text() == content
+
+
+def test_results_of_a_server_whose_clock_was_ahead_are_kept_no_longer_than_others(tmp_path):
+    place = tmp_path / "batches" / ("b" * 32)
+    place.mkdir(parents=True)
+    (place / "results.ndjson").touch()
+    ahead = time.time() + 1e6
+    record = {"id": place.name, "total": 1, "created": ahead, "cancelled": 1, "finished": ahead, "newer": 1}
+    (place / "record.json").write_text(json.dumps(record))
+    with serving(tmp_path, workers=1, batch_keep=4.0) as server:
+        path = f"/v1/batches/{place.name}"
+        assert server.call(path)[0] == 200
+        until(lambda: server.call(path)[0] == 404, 8)
+
+
+def test_a_silent_answer_gives_a_sign_of_life_every_ten_seconds(tmp_path):
+    with serving(tmp_path, workers=1, queue_wait=60, queue_timeout=60) as server:
+        path = begin(server, slow(14.0))
+        until(lambda: document(server, path)["running"] == 1)
+        results = in_background(server.call, f"{path}/results")
+        began = time.monotonic()
+        events = server.call("/v1/plans?format=events", QUICK)[2]  # waits for the batch's only item
+        assert time.monotonic() - began > 11.0
+        assert events.startswith(b": still planning\n\n")
+        assert events.count(b"event: plan\n") == 1
+        assert results()[2].startswith(b"\n{")

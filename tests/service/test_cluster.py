@@ -18,6 +18,7 @@ from distributed import LocalCluster
 
 from api.cluster import Cluster
 from api.errors import Refusal
+from api.fair_queue import Ticket
 from tests.service.service import QUICK, Server, alive, serving, slow, stat, until
 
 HANG = (sum, range(10**12))
@@ -134,6 +135,27 @@ def test_a_full_queue_refuses_and_so_does_one_that_does_not_move(dask):
         assert cluster.shed == 2
 
     run(dask, promise, queue_length=1, queue_timeout=0.5)
+
+
+def test_a_client_that_holds_all_workers_loses_one_to_another_who_waits(dask):
+    async def promise(cluster):
+        def long():
+            ticket = Ticket(client="long", foreseen=60.0)
+            return asyncio.create_task(cluster.run(time.sleep, 60, deadline=70, ticket=ticket))
+
+        jobs = [long() for _ in range(2)]
+        await asyncio.sleep(0.5)
+        assert cluster.spare == 0
+        assert await cluster.run(operator.add, 1, 2, deadline=5, ticket=Ticket(client="other")) == 3
+        ended, running = await asyncio.wait(jobs, return_when=asyncio.FIRST_COMPLETED)
+        assert [job.exception().code for job in ended] == ["overloaded"]
+        (last,) = running
+        last.cancel()
+        await asyncio.wait({last})
+        while cluster.spare < 2:
+            await asyncio.sleep(0.01)
+
+    run(dask, promise, queue_wait=1.0)
 
 
 def test_a_process_killed_mid_plan_costs_its_own_job_alone(dask):

@@ -11,6 +11,7 @@ import time
 import pytest
 
 from api.errors import Refusal
+from api.fair_queue import Ticket
 from api.workers import Pool, report
 from tests.service.pools import HANG, gone, refusal, run, until
 
@@ -316,7 +317,7 @@ def test_a_job_that_would_wait_too_long_is_refused_at_once():
 
 def test_a_job_that_is_known_to_take_long_shortens_the_queue_while_it_lasts_and_no_longer():
     async def promise(pool):
-        jobs = [asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5, foreseen=20.0))]
+        jobs = [asyncio.create_task(pool.run(time.sleep, 0.3, deadline=5, ticket=Ticket(foreseen=20.0)))]
         jobs.append(asyncio.create_task(pool.run(operator.add, 1, 2, deadline=5)))
         await asyncio.sleep(0.05)
         with pytest.raises(Refusal) as caught:
