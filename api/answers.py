@@ -188,6 +188,7 @@ class LimitsAnswer(BaseModel):
     sample_period: list[Number] = quantity(
         "Smallest and largest sample_period", "s", example=[0.001, 0.1], min_length=2, max_length=2
     )
+    max_samples: int = amount("Samples of a plan", "samples", example=200000)
     workers: int = amount("Plans made at once", "plans", example=4)
     queue_length: int = amount("Plans that may wait", "plans", example=256)
     queue_wait: float = amount("Expected wait beyond which plans are refused", "s", example=1.0)
@@ -199,6 +200,9 @@ class LimitsAnswer(BaseModel):
     max_batch_requests: int = amount("Plan requests in a batch", "requests", example=1000)
     max_batch_bytes: int = amount("Largest body of a batch", "bytes", example=8388608)
     batch_keep: float = amount("How long the results of a batch are kept", "s", example=86400.0)
+    max_connections: int = amount("Connections at once", "connections", example=1000)
+    max_upload_bytes: int = amount("Map uploads at once, all together", "bytes", example=134217728)
+    max_pending_bytes: int = amount("Request bodies at once, all together", "bytes", example=268435456)
     batch_store_bytes: int = amount("Results kept at most; the oldest go first", "bytes", example=1073741824)
 
 

@@ -8,8 +8,6 @@ import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 
@@ -35,6 +33,7 @@ from api.answers import Problem
 from api.batch_schemas import BatchItem, BatchLine, BatchRequest
 from api.batch_store import BatchStore
 from api.batches import Batches
+from api.bounds import PROBES, Allowance, Crowd
 from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
@@ -42,19 +41,18 @@ from api.fair_queue import Ticket
 from api.log import log
 from api.maps import MapStore
 from api.metrics import Metrics
-from api.middleware import PROBES, Envelope, Gate
+from api.middleware import Envelope, Gate
 from api.planning import answer_plan
 from api.scheduler import Scheduler
 from api.schemas import ForwardRequest, InverseRequest, PlanRequest
 from api.settings import Settings
-from api.tokens import Guard, Tokens
+from api.spool import whole
+from api.tokens import OPEN, Guard, Tokens
 from api.validation import validated
 from api.workers import local_pool
-from drives.se2 import Pose
-from planner.environment import check_simple_polygon, prepare_map
+from planner.environment import check_simple_polygon
 from planner.errors import PlanningError
 from planner.kernels import make_ready
-from planner.problem import MapLayer
 from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app", "scheduler_of"]
@@ -107,7 +105,9 @@ def create_app(settings: Settings, pool: Scheduler[Any] | None = None) -> FastAP
     app.state.pool = workers
     app.state.maps = MapStore(settings.data_dir / "maps", settings.max_maps, settings.max_store_bytes)
     app.state.batches = _batches(app, workers)
-    app.state.metrics = Metrics(workers, app.state.batches)
+    bodies = Allowance(settings.max_pending_bytes, "request bodies")
+    app.state.uploads = Allowance(settings.max_upload_bytes, "map uploads")
+    app.state.metrics = Metrics(workers, app.state.batches, bodies)
     app.state.decoding = asyncio.Lock()
     for routes in _ROUTES:
         app.include_router(routes.router)
@@ -115,7 +115,10 @@ def create_app(settings: Settings, pool: Scheduler[Any] | None = None) -> FastAP
     app.add_middleware(Gate, route=plans, scheduler=workers, metrics=app.state.metrics)
     if settings.tokens_file is not None:
         app.add_middleware(Guard, tokens=Tokens(settings.tokens_file))
-    app.add_middleware(Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout)
+    app.add_middleware(Crowd, max_connections=settings.max_connections)
+    app.add_middleware(
+        Envelope, metrics=app.state.metrics, receive_timeout=settings.receive_timeout, bodies=bodies
+    )
     for refused in (Refusal, PlanningError):
         app.add_exception_handler(refused, _refused)
     app.add_exception_handler(HTTPException, _http_error)
@@ -134,16 +137,15 @@ def scheduler_of(settings: Settings) -> Scheduler[Any]:
         from api.cluster import Cluster  # takes long to import
     except ImportError as error:
         raise ValueError(f"WHEELPLAN_SCHEDULER needs the extra wheelplan[cluster]: {error}") from None
-    return Cluster(address, settings.queue_length, settings.queue_wait, settings.queue_timeout)
+    return Cluster(
+        address, settings.queue_length, settings.queue_wait, settings.queue_timeout, settings.worker_memory
+    )
 
 
 def _warm_up() -> None:
     """Compiles the kernels if the cache lacks them, and loads those that the server itself calls."""
     make_ready(_log_progress())
     check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-    with TemporaryDirectory() as folder:
-        np.save(Path(folder) / "cells.npy", np.eye(3, dtype=np.int8))
-        prepare_map(MapLayer("", Path(folder), 1.0, Pose(0.0, 0.0, 0.0), "occupied"))
 
 
 def _log_progress() -> Callable[[int, int], None]:
@@ -164,7 +166,7 @@ def _batches(app: FastAPI, scheduler: Scheduler[Any]) -> Batches:
     def read(request: Any, held: ExitStack) -> PlanProblem:
         asked = validated(BatchItem, request)
         find_map = held.enter_context(app.state.maps.leased())
-        return to_problem(asked, find_map, settings.max_time_budget)
+        return to_problem(asked, find_map, settings.max_time_budget, settings.max_samples)
 
     async def plan(problem: PlanProblem, ticket: Ticket) -> bytes:
         with app.state.maps.leased() as find_map:
@@ -173,7 +175,7 @@ def _batches(app: FastAPI, scheduler: Scheduler[Any]) -> Batches:
             made = await routes_plans.answered(
                 app.state, problem, ticket, answer_plan, "application/json", False
             )
-            return made.body
+            return whole(made.body)
 
     store = BatchStore(settings.data_dir / "batches", settings.batch_keep, settings.batch_store_bytes)
     return Batches(scheduler, store, read, routes_plans.ticket_for, plan, settings.max_batches)
@@ -218,8 +220,20 @@ def _openapi(app: FastAPI, settings: Settings) -> dict[str, Any]:
                 del operation["responses"]["422"]  # FastAPI's own, which cannot happen
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
+        if settings.tokens_file is not None:
+            _ask_for_tokens(document)
         budget = schemas["OptionsSchema"]["properties"]["time_budget"]
         budget["maximum"] = settings.max_time_budget
         budget["default"] = min(budget["default"], settings.max_time_budget)
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _ask_for_tokens(document: dict[str, Any]) -> None:
+    """Tells of the bearer tokens that all routes ask for but the open ones."""
+    about = "One of the tokens that the operator of this service gives out."
+    scheme = {"type": "http", "scheme": "bearer", "description": about}
+    document["components"]["securitySchemes"] = {"token": scheme}
+    for path, methods in document["paths"].items():
+        for operation in methods.values() if path not in OPEN else ():
+            operation["security"] = [{"token": []}]

@@ -154,7 +154,8 @@ def _problem(request: Any, map_yaml: Path | None, settings: Settings) -> Iterato
             map_id = maps.add(read_map(map_yaml, settings.max_map_cells))[0]["id"]
             with suppress(AttributeError):  # what is no object, validation names below
                 request.setdefault("environment", {}).setdefault("map", {})["id"] = map_id
-        yield to_problem(validated(PlanRequest, request), maps.layer, settings.max_time_budget)
+        asked = validated(PlanRequest, request)
+        yield to_problem(asked, maps.layer, settings.max_time_budget, settings.max_samples)
 
 
 def _draw(plan: Any, problem: Problem, to: Path) -> None:

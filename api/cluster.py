@@ -12,19 +12,24 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import anyio
 from distributed import Client
 from distributed.client import FutureCancelledError
 from distributed.scheduler import KilledWorker
 
+from api.apart import apart
 from api.errors import Refusal
 from api.fair_queue import Ticket
-from api.log import log
+from api.log import adopt, log
 from api.scheduler import RETRY_AFTER, Loss, Scheduler
 from api.supervisor import NAME, Supervisor, carry, reported
 
 __all__ = ["Cluster"]
+
+adopt("distributed")  # its own handlers write from the event loop
 
 _GLANCE = 1.0
 """How often we ask how many processes there are, s."""
@@ -51,9 +56,12 @@ class Cluster(Scheduler[_Turn]):
     """The processes of a Dask cluster, for all servers that use it. `address`: of the Dask scheduler, as
     tcp://host:port."""
 
-    def __init__(self, address: str, queue_length: int, queue_wait: float, queue_timeout: float) -> None:
+    def __init__(
+        self, address: str, queue_length: int, queue_wait: float, queue_timeout: float, memory: int = 0
+    ) -> None:
         super().__init__(0, queue_length, queue_wait, queue_timeout)
         self.address = address
+        self._memory = memory
         self._stopped = False
         self._client: Client | None = None
         self._connection: asyncio.Task[None] | None = None
@@ -114,6 +122,10 @@ class Cluster(Scheduler[_Turn]):
         finally:
             insisting.cancel()
             self._jobs.discard(job)
+
+    async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
+        alone = partial(apart, function, *args, preload=["api.maps"], memory=self._memory)
+        return await anyio.to_thread.run_sync(alone)
 
     async def drain(self, grace: float) -> None:
         self.draining = True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from drives.drive import Car, Drive, Limits
 from drives.se2 import Array, Pose
 from planner.environment import check_simple_polygon
 from planner.problem import (
+    MAX_SAMPLES,
     Bounds,
     Circle,
     Environment,
@@ -43,7 +45,9 @@ __all__ = ["FindMap", "by_name", "to_problem"]
 FindMap = Callable[[str], MapLayer]
 
 
-def to_problem(request: PlanRequest, find_map: FindMap, max_time_budget: float) -> Problem:
+def to_problem(
+    request: PlanRequest, find_map: FindMap, max_time_budget: float, max_samples: int = MAX_SAMPLES
+) -> Problem:
     """The problem that a request states. find_map(id) gives the stored map, or raises.
 
     Raises FieldErrors: invalid-geometry for degenerate shapes first, then invalid-request for fields that
@@ -57,7 +61,7 @@ def to_problem(request: PlanRequest, find_map: FindMap, max_time_budget: float) 
     limits = _limits(request.robot.limits, drive, errors)
     steering = _steering(request, drive, limits, errors)
     bounds = _bounds(request.environment, errors)
-    options = _options(request.options, max_time_budget, errors)
+    options = replace(_options(request.options, max_time_budget, errors), max_samples=max_samples)
     errors.check()
 
     reference = request.environment.map

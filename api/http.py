@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any, TypeVar
 
 import anyio
 from pydantic import BaseModel
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 from starlette.types import Message
 
 from api.convert import FindMap
@@ -16,12 +16,13 @@ from api.errors import CODES, PROBLEM_JSON, Refusal
 from api.maps import MapStore
 from api.negotiation import choose
 from api.settings import Settings
+from api.spool import Spool, pieces
 from api.strict_json import MalformedJson, read_json, write_json
 from api.validation import validated
 
 __all__ = [
-    "CONDITIONAL", "IF_NONE_MATCH", "bounded", "json_only", "json_response", "leased_maps", "not_modified",
-    "problems", "read_model", "request_body", "settings_of", "tagged",
+    "CONDITIONAL", "IF_NONE_MATCH", "body_response", "bounded", "json_only", "json_response",
+    "leased_maps", "not_modified", "problems", "read_model", "request_body", "settings_of", "tagged",
 ]  # fmt: skip
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -54,6 +55,14 @@ def settings_of(request: Request) -> Settings:
 
 def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> Response:
     return Response(write_json(content), status, headers, "application/json")
+
+
+def body_response(body: bytes | Spool, headers: dict[str, str], media_type: str) -> Response:
+    """The answer 200 with this body, streamed if it is a spool."""
+    if isinstance(body, bytes):
+        return Response(body, 200, headers, media_type)
+    headers = headers | {"Content-Length": str(body.size)}
+    return StreamingResponse(pieces(body), 200, headers, media_type)
 
 
 async def leased_maps(request: Request) -> AsyncIterator[FindMap]:
@@ -103,8 +112,9 @@ async def read_model(request: Request, model: type[Model], limit: int | None = N
     return await anyio.to_thread.run_sync(read) if len(body) > _LARGE else read()
 
 
-def bounded(request: Request, limit: int) -> Request:
-    """The same request, its body at most `limit` bytes long. Raises Refusal, here or while it is read."""
+def bounded(request: Request, limit: int, take: Callable[[int], None] = lambda _: None) -> Request:
+    """The same request, its body at most `limit` bytes long; take is told of its bytes as they come. Raises
+    Refusal, here or while it is read."""
     too_large = Refusal("payload-too-large", f"The body must not exceed {limit} bytes.", limit=limit)
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise Refusal("unsupported-media-type", "Send the body without a Content-Encoding.")
@@ -119,6 +129,7 @@ def bounded(request: Request, limit: int) -> Request:
         left -= len(message.get("body", b""))
         if left < 0:
             raise too_large
+        take(len(message.get("body", b"")))
         return message
 
     return Request(request.scope, receive)
@@ -127,7 +138,7 @@ def bounded(request: Request, limit: int) -> Request:
 def problems(*codes: str) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route that may refuse with these codes."""
     by_status: dict[int | str, list[str]] = {}
-    for code in (*codes, "not-acceptable", "unauthorized", "request-timeout", "internal-error"):
+    for code in (*codes, "not-acceptable", "unauthorized", "request-timeout", "busy", "internal-error"):
         by_status.setdefault(CODES[code][0], []).append(code)
     schema = {"$ref": "#/components/schemas/Problem"}
     return {

@@ -30,18 +30,19 @@ from PIL import Image
 
 from api.errors import Refusal
 from api.log import log
-from api.occupancy import DecodedMap
+from api.occupancy import DecodedMap, decode_map
+from api.spool import Spool, whole
 from drives.se2 import Pose
 from planner.environment import prepare_map
 from planner.problem import MapLayer
 
-__all__ = ["MapStore", "room_or_refusal"]
+__all__ = ["MapStore", "room_or_refusal", "take_upload"]
 
 _GREYS = np.array([254, 0, 205], dtype=np.uint8)
 """What map_saver writes for each kind of cell"""
 
 _ID = re.compile(r"[0-9a-f]{64}")
-_META, _CELLS = "meta.json", "cells.npy"
+_META, _CELLS, _IMAGE = "meta.json", "cells.npy", "image.png"
 _TABLE = (
     "CREATE TABLE IF NOT EXISTS maps (id TEXT PRIMARY KEY, bytes INTEGER NOT NULL, summary TEXT NOT NULL)"
 )
@@ -62,6 +63,9 @@ class MapStore:
         self.max_bytes = max_bytes
         self._sound: dict[str, tuple[_Seal, dict[str, Any]]] = {}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return MapStore, (self.root, self.max_maps, self.max_bytes)
+
     def add(self, decoded: DecodedMap) -> tuple[dict[str, Any], bool]:
         """Stores a map, afresh where it is damaged; its summary, and whether it is new.
 
@@ -79,6 +83,7 @@ class MapStore:
                 unswept.enter_context(_locked(made, fcntl.LOCK_SH))
             _write(made / _CELLS, lambda file: np.save(file, decoded.cells))
             prepare_map(MapLayer(summary["id"], made, decoded.resolution, decoded.origin))
+            _write(made / _IMAGE, lambda file: file.write(_png(decoded.cells)))
             _write(made / _META, lambda file: file.write(orjson.dumps(summary)))
             made.chmod(0o755)
             size = _size(made)
@@ -155,13 +160,19 @@ class MapStore:
 
             yield find
 
-    def image(self, id: str) -> bytes:
-        """The map as a PNG in the greys of map_saver, row 0 at the top. Raises as layer does."""
-        with self.leased() as find:
-            cells: NDArray[np.int8] = np.load(find(id).directory / _CELLS)
-        out = io.BytesIO()
-        Image.fromarray(_GREYS[cells[::-1]]).save(out, "PNG", compress_level=1)
-        return out.getvalue()
+    def image(self, id: str) -> Spool | None:
+        """The map as a PNG in the greys of map_saver, row 0 at the top. Raises as layer does. None: the map
+        was stored before images were, see draw."""
+        with self.leased() as find, suppress(FileNotFoundError):
+            return Spool(open(find(id).directory / _IMAGE, "rb"))
+        return None
+
+    def draw(self, id: str) -> None:
+        """Stores the image of a map that has none. Raises as layer does, and insufficient-storage."""
+        with self.leased() as find, room_or_refusal(), tempfile.TemporaryDirectory(dir=self.root) as made:
+            place = find(id).directory
+            _write(Path(made, _IMAGE), lambda file: file.write(_png(np.load(place / _CELLS))))
+            Path(made, _IMAGE).replace(place / _IMAGE)
 
     def delete(self, id: str) -> None:
         """Raises Refusal: unknown-map."""
@@ -262,6 +273,19 @@ class MapStore:
         if not _ID.fullmatch(id):
             raise _unknown(id)
         return self.root / id
+
+
+def take_upload(
+    store: MapStore, description: bytes | Spool, image: bytes | Spool, max_cells: int
+) -> tuple[dict[str, Any], bool]:
+    """Decodes a map and stores it: its summary, and whether it is new. Raises as decode_map and add do."""
+    return store.add(decode_map(whole(description), whole(image), max_cells))
+
+
+def _png(cells: NDArray[np.int8]) -> bytes:
+    out = io.BytesIO()
+    Image.fromarray(_GREYS[cells[::-1]]).save(out, "PNG", compress_level=1)
+    return out.getvalue()
 
 
 def _unknown(id: str) -> Refusal:

@@ -10,6 +10,8 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from api.batches import Batches
+from api.bounds import Allowance
+from api.log import dropped
 from api.planning import Answer
 from api.scheduler import LOSSES, Scheduler
 from planner.problem import Problem
@@ -23,11 +25,12 @@ _RATIOS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
 class Metrics:
     """The metrics of one application, in a registry of their own."""
 
-    def __init__(self, pool: Scheduler[Any], batches: Batches) -> None:
+    def __init__(self, pool: Scheduler[Any], batches: Batches, bodies: Allowance) -> None:
         self.registry = CollectorRegistry()
         ProcessCollector(registry=self.registry)
         self.registry.register(_Workers(pool))
         self.registry.register(_Batches(batches))
+        self.registry.register(_Server(bodies))
         self.requests = Counter(
             "wheelplan_requests", "Requests answered.", ["method", "route", "status"], registry=self.registry
         )
@@ -82,3 +85,12 @@ class _Batches(Collector):
         yield CounterMetricFamily(
             "wheelplan_batches_set_aside", "Batches on disk that could not be read.", self.batches.set_aside
         )
+
+
+class _Server(Collector):
+    def __init__(self, bodies: Allowance) -> None:
+        self.bodies = bodies
+
+    def collect(self) -> Iterator[Metric]:
+        yield GaugeMetricFamily("wheelplan_body_bytes", "Bytes of request bodies held.", self.bodies.held)
+        yield CounterMetricFamily("wheelplan_log_dropped", "Lines of the log dropped.", dropped())

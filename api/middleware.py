@@ -4,10 +4,12 @@ plans: whether one more is taken."""
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 import time
 import traceback
 import uuid
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -17,6 +19,7 @@ from starlette.requests import ClientDisconnect
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api.bounds import PROBES, Allowance
 from api.clients import client_of
 from api.errors import Refusal, problem_response
 from api.fair_queue import Ticket
@@ -24,7 +27,7 @@ from api.log import log
 from api.metrics import Metrics
 from api.scheduler import Scheduler
 
-__all__ = ["PROBES", "Envelope", "Gate"]
+__all__ = ["Envelope", "Gate"]
 
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _GONE = 499
@@ -35,29 +38,37 @@ _LEAST_RATE = 1 << 16
 """A body may take longer than the receive timeout by 1 s for each so many bytes that have arrived."""
 
 _METHODS = {"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
-PROBES = {"/livez", "/readyz", "/metrics"}
+
+_STRANGER_BYTES, _STRANGER_PATIENCE = 1 << 16, 1.0
+"""How much of its body a client without a token may still send after its 401, and how long that may take (s),
+before its connection is closed. Closed at once, many clients would not see the answer."""
 
 
 class Envelope:
     """ASGI middleware: X-Request-Id, the request log and counter, a deadline for the request's body, and
     internal-error as a problem."""
 
-    def __init__(self, app: ASGIApp, metrics: Metrics, receive_timeout: float) -> None:
+    def __init__(self, app: ASGIApp, metrics: Metrics, receive_timeout: float, bodies: Allowance) -> None:
         self.app = app
         self.metrics = metrics
         self.receive_timeout = receive_timeout
+        self.bodies = bodies
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
+        with self.bodies.share() as take:
+            await self._answer(scope, receive, send, take)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send, take: Callable[[int], None]) -> None:
         began = time.perf_counter()
         headers = Headers(scope=scope)
         theirs = headers.get("x-request-id", "")
         request_id = theirs if _ID.fullmatch(theirs) else uuid.uuid4().hex
         trace.get_current_span().set_attribute("wheelplan.request_id", request_id)
         pending = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
-        body = _Body(receive, pending, self.receive_timeout)
+        body = _Body(receive, pending, self.receive_timeout, take)
         status = 0
 
         async def send_with_id(message: Message) -> None:
@@ -66,10 +77,14 @@ class Envelope:
                 status = message["status"]
                 more = MutableHeaders(scope=message)
                 more["X-Request-Id"] = request_id
-                if "expect" not in headers:
-                    await body.discard()
+                if status != 401 and "expect" not in headers:
+                    await body.discard(_PATIENCE)
                 if body.pending:
                     more["Connection"] = "close"
+            elif status == 401 and body.pending and "expect" not in headers:
+                await send({**message, "more_body": True})
+                await body.discard(_STRANGER_PATIENCE, _STRANGER_BYTES)
+                message = {"type": "http.response.body"}
             await send(message)
 
         failure = None
@@ -99,14 +114,16 @@ class Envelope:
 
 
 class _Body:
-    """The request's body, which has to arrive in time: receive raises Refusal, request-timeout.
+    """The request's body, which has to arrive in time: receive raises Refusal, request-timeout, and what
+    `take` raises, which is told of its bytes.
 
     Where it is refused before it has been read, the rest is thrown away first: uvicorn would not serve this
     connection again, and a client still sending might never see the answer.
     """
 
-    def __init__(self, receive: Receive, pending: bool, timeout: float) -> None:
+    def __init__(self, receive: Receive, pending: bool, timeout: float, take: Callable[[int], None]) -> None:
         self.pending = pending
+        self._take = take
         self._receive = receive
         self._timeout = timeout
         self._until = time.monotonic() + timeout
@@ -122,12 +139,21 @@ class _Body:
             raise Refusal("request-timeout", detail) from None
         self._until += len(message.get("body", b"")) / _LEAST_RATE
         self.pending = message.get("more_body", False)
+        self._take(len(message.get("body", b"")))
         return message
 
-    async def discard(self) -> None:
+    async def discard(self, patience: float, most: float = math.inf) -> None:
+        """Reads on for `patience` s and `most` bytes at most, and keeps nothing."""
+        left = most
+
+        def drop(size: int) -> None:
+            nonlocal left
+            left -= size
+
+        self._take = drop
         with suppress(TimeoutError, Refusal):
-            async with asyncio.timeout(_PATIENCE):
-                while self.pending:
+            async with asyncio.timeout(patience):
+                while self.pending and left > 0:
                     await self.receive()
 
 

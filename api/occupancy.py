@@ -48,7 +48,9 @@ class DecodedMap(NamedTuple):
     def id(self) -> str:
         """SHA-256 of the content."""
         head = repr((self.cells.shape, float(self.resolution), tuple(float(v) + 0.0 for v in self.origin)))
-        return hashlib.sha256(head.encode() + self.cells.tobytes()).hexdigest()
+        digest = hashlib.sha256(head.encode())
+        digest.update(np.ascontiguousarray(self.cells).data)
+        return digest.hexdigest()
 
     def summary(self) -> dict[str, Any]:
         """What clients are told of the map."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from api.errors import Refusal
 from api.formats import BY_MEDIA_TYPE
+from api.spool import Spool, spooled
 from api.strict_json import write_json
 from api.workers import report
 from drives.se2 import Array
@@ -30,10 +31,10 @@ __all__ = [
 
 
 class Answer(NamedTuple):
-    """The body of a response; the seconds that planning took, the planner that found the way, and how near
-    the motion is to the shortest (see duration_ratio)."""
+    """The body of a response, in a file if it is large; the seconds that planning took, the planner that
+    found the way, and how near the motion is to the shortest (see duration_ratio)."""
 
-    body: bytes
+    body: bytes | Spool
     seconds: float
     planner: str
     duration_ratio: float
@@ -64,13 +65,13 @@ def stream_plan(problem: Problem) -> Answer:
         data = {"plan": plan_document(problem, made), "elapsed": elapsed, "final": final}
         return server_sent_event("plan", data)
 
-    made = make_plan(problem, lambda better: report(event(better, final=False)))
+    made = make_plan(problem, lambda better: report(spooled(event(better, final=False))))
     seconds = time.perf_counter() - began
     return _answer(problem, made, event(made, final=True), seconds)
 
 
 def _answer(problem: Problem, made: Plan, body: bytes, seconds: float) -> Answer:
-    return Answer(body, seconds, made.planning["planner"], duration_ratio(problem, made))
+    return Answer(spooled(body), seconds, made.planning["planner"], duration_ratio(problem, made))
 
 
 def duration_ratio(problem: Problem, made: Plan) -> float:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import socket
 from typing import Any
 
 import h11
+from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from api.bounds import CROWDED
 from api.errors import Refusal, problem_response
 
 __all__ = ["Protocol"]
@@ -16,15 +19,29 @@ __all__ = ["Protocol"]
 _STALLED = 4
 """An answer may stand still for so many times the receive timeout."""
 
+_SPARE = 64
+"""Connections beyond max_connections on which probes are answered, and all else refused; more are closed."""
+
+
+def _crowded(app: ASGIApp) -> ASGIApp:
+    async def marked(scope: Scope, receive: Receive, send: Send) -> None:
+        await app({**scope, CROWDED: True}, receive, send)
+
+    return marked
+
 
 class Protocol(H11Protocol):
     """Closes a connection whose request's head has not arrived within `receive_timeout`; uvicorn itself only
     closes one that is silent after an answer. Bodies have their deadline in api.middleware. A client who does
-    not take its answer is given up by the kernel, on Linux."""
+    not take its answer is given up by the kernel, on Linux.
+
+    Beyond `max_connections`, a new connection closes the one that has waited longest for a head. If all are
+    being answered, requests on the new one are refused."""
 
     def __init__(self, config: Any, *args: Any, **more: Any) -> None:
         super().__init__(config, *args, **more)
         self._head_timeout: float = config.app.state.settings.receive_timeout
+        self._most: int = config.app.state.settings.max_connections
         self._closing: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -33,6 +50,7 @@ class Protocol(H11Protocol):
             milliseconds = round(_STALLED * self._head_timeout * 1000)
             connection: socket.socket = transport.get_extra_info("socket")
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, milliseconds)
+        self._make_room()
         self._await_head()
 
     def data_received(self, data: bytes) -> None:
@@ -57,6 +75,23 @@ class Protocol(H11Protocol):
             ):
                 self.transport.write(self.conn.send(event) or b"")
         self.transport.close()
+
+    def _make_room(self) -> None:
+        """Before this connection waits for a head itself."""
+        others = [each for each in self.connections if not each.transport.is_closing()]
+        excess = len(others) - self._most
+        if excess <= 0:
+            return
+        waiting = [each for each in others if isinstance(each, Protocol) and each._closing is not None]
+        if waiting:
+            min(waiting, key=Protocol._waits_until).timeout_keep_alive_handler()
+        elif excess <= _SPARE:
+            self.app = _crowded(self.app)
+        else:
+            self.transport.abort()
+
+    def _waits_until(self) -> float:
+        return math.inf if self._closing is None else self._closing.when()
 
     def _await_head(self) -> None:
         if self._closing is None:

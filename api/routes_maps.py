@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Annotated, Any
 
 import anyio
 from fastapi import APIRouter, Depends, Path, Request, Response
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 from starlette.exceptions import HTTPException
 
 from api.answers import MapAnswer, MapsAnswer
+from api.bounds import Allowance
 from api.errors import FieldErrors, Refusal
 from api.http import (
     CONDITIONAL,
     IF_NONE_MATCH,
+    body_response,
     bounded,
     json_only,
     json_response,
@@ -23,9 +27,10 @@ from api.http import (
     settings_of,
     tagged,
 )
-from api.maps import MapStore, room_or_refusal
+from api.maps import MapStore, room_or_refusal, take_upload
 from api.negotiation import choose
-from api.occupancy import decode_map
+from api.scheduler import Scheduler
+from api.spool import LARGE, Spool
 from api.validation import pointer
 
 __all__ = ["router"]
@@ -75,10 +80,12 @@ def _store(request: Request) -> MapStore:
 async def upload_map(request: Request) -> Response:
     """Stores a map under the SHA-256 of its decoded content."""
     settings, store = settings_of(request), _store(request)
-    description, image = await _parts(request, settings.max_map_bytes)
-    async with request.app.state.decoding:  # one at a time: a decoded map is large
-        decoded = await anyio.to_thread.run_sync(decode_map, description, image, settings.max_map_cells)
-        summary, new = await anyio.to_thread.run_sync(store.add, decoded)
+    scheduler: Scheduler[Any] = request.app.state.pool
+    async with (
+        _parts(request, settings.max_map_bytes) as (description, image),
+        request.app.state.decoding,  # one at a time: a decoded map is large
+    ):
+        summary, new = await scheduler.apart(take_upload, store, description, image, settings.max_map_cells)
     return json_response(summary, 201 if new else 200, {"Location": f"/v1/maps/{summary['id']}"})
 
 
@@ -130,7 +137,11 @@ async def get_image(request: Request, id: MapId) -> Response:
     if unchanged := not_modified(request, id, _FOREVER):
         return unchanged
     image = await anyio.to_thread.run_sync(store.image, id)
-    return tagged(Response(image, media_type="image/png"), id, _FOREVER)
+    if image is None:
+        async with request.app.state.decoding:
+            await request.app.state.pool.apart(store.draw, id)
+        image = await anyio.to_thread.run_sync(store.image, id)
+    return tagged(body_response(image or b"", {}, "image/png"), id, _FOREVER)
 
 
 @router.delete(
@@ -142,27 +153,45 @@ async def delete_map(request: Request, id: MapId) -> Response:
     return Response(status_code=204)
 
 
-async def _parts(request: Request, limit: int) -> list[bytes]:
+@asynccontextmanager
+async def _parts(request: Request, limit: int) -> AsyncIterator[list[bytes | Spool]]:
+    """The yaml and the image; large ones in temporary files."""
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "multipart/form-data":
         raise Refusal("unsupported-media-type", "Send the map as multipart/form-data with yaml and image.")
-    try:
-        with room_or_refusal():  # large parts wait in a temporary file
-            form = await bounded(request, limit).form(max_files=2, max_fields=2, max_part_size=limit)
-    except HTTPException as error:
-        raise FieldErrors([{"pointer": "", "detail": f"The form cannot be read: {error.detail}"}]) from None
-    try:
-        errors = [
-            {"pointer": pointer(name[:40]), "detail": "This is no part of a map: send yaml and image."}
-            for name in form
-            if name not in _PARTS
-        ]
-        for name in _PARTS:
-            if (count := len(form.getlist(name))) != 1:
-                detail = f"{name} is given twice." if count else f"{name} is missing."
-                errors.append({"pointer": f"/{name}", "detail": detail})
-        if errors:
-            raise FieldErrors(errors)
-        parts = [form[name] for name in _PARTS]
-        return [await part.read() if isinstance(part, UploadFile) else part.encode() for part in parts]
-    finally:
-        await form.close()
+    uploads: Allowance = request.app.state.uploads
+    with uploads.share() as take:
+        try:
+            with room_or_refusal():  # large parts wait in a temporary file
+                form = await bounded(request, limit, take).form(
+                    max_files=2, max_fields=2, max_part_size=limit
+                )
+        except HTTPException as error:
+            detail = f"The form cannot be read: {error.detail}"
+            raise FieldErrors([{"pointer": "", "detail": detail}]) from None
+        try:
+            yield [await _content(part) for part in _named(form)]
+        finally:
+            await form.close()
+
+
+def _named(form: FormData) -> list[UploadFile | str]:
+    """The parts of a map, in order. Raises FieldErrors."""
+    errors = [
+        {"pointer": pointer(name[:40]), "detail": "This is no part of a map: send yaml and image."}
+        for name in form
+        if name not in _PARTS
+    ]
+    for name in _PARTS:
+        if (count := len(form.getlist(name))) != 1:
+            detail = f"{name} is given twice." if count else f"{name} is missing."
+            errors.append({"pointer": f"/{name}", "detail": detail})
+    if errors:
+        raise FieldErrors(errors)
+    return [form[name] for name in _PARTS]
+
+
+async def _content(part: UploadFile | str) -> bytes | Spool:
+    if isinstance(part, str):
+        return part.encode()
+    large = part.size is not None and part.size >= LARGE
+    return Spool(part.file) if large else await part.read()

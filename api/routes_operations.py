@@ -50,9 +50,10 @@ async def limits(request: Request) -> Response:
     """Every bound that a request has to keep to."""
     settings = settings_of(request)
     own = (
-        "max_time_budget", "deadline_grace", "max_body_bytes", "max_map_bytes", "max_map_cells", "max_maps",
-        "max_store_bytes", "workers", "queue_length", "queue_wait", "queue_timeout", "receive_timeout",
-        "max_batches", "max_batch_bytes", "batch_keep", "batch_store_bytes",
+        "max_time_budget", "max_samples", "deadline_grace", "max_body_bytes", "max_map_bytes",
+        "max_map_cells", "max_maps", "max_store_bytes", "workers", "queue_length", "queue_wait",
+        "queue_timeout", "receive_timeout", "max_batches", "max_batch_bytes", "batch_keep",
+        "batch_store_bytes", "max_connections", "max_upload_bytes", "max_pending_bytes",
     )  # fmt: skip
     return json_response(
         {name: getattr(settings, name) for name in own}

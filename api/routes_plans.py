@@ -18,12 +18,13 @@ from api.errors import Refusal, problem_document
 from api.fair_queue import Ticket
 from api.formats import BY_MEDIA_TYPE, FORMATS, Format, find_format, formats_for, refuse_drive
 from api.heartbeat import with_heartbeat
-from api.http import leased_maps, problems, read_model, request_body, settings_of
+from api.http import body_response, leased_maps, problems, read_model, request_body, settings_of
 from api.metrics import Metrics
 from api.negotiation import accepts_gzip, choose
 from api.planning import Answer, answer_plan, server_sent_event, stream_plan
 from api.scheduler import Scheduler
 from api.schemas import PlanRequest
+from api.spool import Spool, pieces
 from planner.errors import PlanningError
 from planner.problem import Problem
 
@@ -55,8 +56,9 @@ _Wanted = Annotated[str | None, Query(description=f"One of {_NAMES}; wins over A
         **problems(
             "malformed-json", "unsupported-media-type", "payload-too-large", "invalid-request",
             "invalid-geometry", "start-in-collision", "goal-in-collision", "start-out-of-bounds",
-            "goal-out-of-bounds", "no-path-exists", "no-path-found", "limits-infeasible", "unknown-map",
-            "map-corrupt", "deadline-exceeded", "worker-crashed", "audit-failed", "overloaded", "draining",
+            "goal-out-of-bounds", "no-path-exists", "no-path-found", "limits-infeasible",
+            "too-many-samples", "unknown-map", "map-corrupt", "deadline-exceeded", "worker-crashed",
+            "audit-failed", "overloaded", "draining",
         ),
     },
     openapi_extra=request_body(PlanRequest),
@@ -75,11 +77,13 @@ async def create_plan(
     state, settings = request.app.state, settings_of(request)
     _wanted(request, format)
     asked = await read_model(request, PlanRequest)
-    problem = await anyio.to_thread.run_sync(to_problem, asked, find_map, settings.max_time_budget)
+    problem = await anyio.to_thread.run_sync(
+        to_problem, asked, find_map, settings.max_time_budget, settings.max_samples
+    )
     wanted = _wanted(request, format, problem.robot.drive.kind)
     ticket = ticket_for(problem, client_of(request.scope))
     if wanted is _EVENTS:
-        events: asyncio.Queue[bytes | None] = asyncio.Queue()
+        events: asyncio.Queue[bytes | Spool | None] = asyncio.Queue()
         work = answered(state, problem, ticket, stream_plan, progress=events.put_nowait)
         return await _stream(request, work, events)
     compress = accepts_gzip(request.headers.get("accept-encoding"))
@@ -88,7 +92,7 @@ async def create_plan(
     if answer is None:
         return Response(status_code=_GONE)
     headers = {"Vary": "Accept, Accept-Encoding"} | ({"Content-Encoding": "gzip"} if compress else {})
-    return Response(answer.body, 200, headers, wanted.media_type)
+    return body_response(answer.body, headers, wanted.media_type)
 
 
 def ticket_for(problem: Problem, client: str) -> Ticket:
@@ -121,7 +125,7 @@ async def answered(
 
 
 async def _stream(
-    request: Request, work: Coroutine[Any, Any, Answer], events: asyncio.Queue[bytes | None]
+    request: Request, work: Coroutine[Any, Any, Answer], events: asyncio.Queue[bytes | Spool | None]
 ) -> Response:
     """The events as they come, then the work's answer. Raises what the work raises before the first event."""
     job = asyncio.ensure_future(work)
@@ -138,11 +142,13 @@ async def _stream(
         try:
             event = first
             while event is not None:
-                yield event
+                async for piece in pieces(event):
+                    yield piece
                 event = await anext(told)
             if job.done():
                 try:
-                    yield job.result().body
+                    async for piece in pieces(job.result().body):
+                        yield piece
                 except (PlanningError, Refusal) as error:
                     yield server_sent_event("problem", problem_document(error))
         finally:

@@ -134,6 +134,11 @@ class Scheduler(ABC, Generic[T]):
         return await self._run(function, args, asked, deadline, progress)
 
     @abstractmethod
+    async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
+        """What function(*args) returns or raises in a process of this machine that does nothing else. It
+        does not queue with the plans. Raises Refusal: draining, deadline-exceeded, worker-crashed."""
+
+    @abstractmethod
     async def _run(
         self,
         function: Callable[..., Any],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import resource
 import socket
 from types import FrameType
 
@@ -10,17 +11,25 @@ import uvicorn
 from fastapi import FastAPI
 
 from api.app import create_app
-from api.log import log, log_to_stderr
+from api.log import log, logging_to_stderr
 from api.protocol import Protocol
 from api.settings import Settings
 from api.worker import adopt_orphans, stop_fork_server
 
 __all__ = ["serve"]
 
+_OTHER_FILES = 256
+"""Open files besides those of connections: pipes to workers, maps, logs. A connection may have a spool."""
+
 
 def serve(settings: Settings) -> int:
     """Runs the HTTP service until a signal ends it."""
-    log_to_stderr()
+    with logging_to_stderr():
+        return _serve(settings)
+
+
+def _serve(settings: Settings) -> int:
+    _allow_files(2 * settings.max_connections + _OTHER_FILES)
     adopt_orphans()
     try:
         app = create_app(settings)
@@ -46,6 +55,15 @@ def serve(settings: Settings) -> int:
         app.state.pool.kill()  # where a second signal has cut the shutdown short
         stop_fork_server()
     return 0 if server.started else 1
+
+
+def _allow_files(count: int) -> None:
+    """Raises this process's limit on open files, as far as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY:
+        count = min(count, hard)
+    if soft not in (resource.RLIM_INFINITY, count) and soft < count:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))
 
 
 class _Server(uvicorn.Server):

@@ -66,6 +66,7 @@ class Settings:
     queue_wait: Annotated[float, "the wait for a worker beyond which new plans are refused, s"] = 1.0
     queue_timeout: Annotated[float, "the longest that a plan waits for a worker, s"] = 10.0
     max_time_budget: Annotated[float, "the largest time_budget a client may ask for, s"] = 30.0
+    max_samples: Annotated[int, "the most samples that a plan may have"] = 200_000
     deadline_grace: Annotated[float, "a plan is stopped this long after its time_budget has ended, s"] = 5.0
     drain_grace: Annotated[float, "how long plans in flight may take to finish at shutdown, s"] = 30.0
     receive_timeout: Annotated[float, "how long a request may take to arrive, s; large bodies longer"] = 8.0
@@ -74,6 +75,11 @@ class Settings:
     max_map_cells: Annotated[int, "the largest map, width times height"] = 4096 * 4096
     max_maps: Annotated[int, "maps kept in store"] = 1000
     max_store_bytes: Annotated[int, "what these may take on disk, all together"] = 10 << 30
+    max_upload_bytes: Annotated[int, "what map uploads may hold at once, all together, bytes"] = 128 << 20
+    max_pending_bytes: Annotated[int, "what request bodies may hold at once, all together, bytes"] = 256 << 20
+    max_connections: Annotated[int, "connections at once; idle ones make room for new ones"] = field(
+        default_factory=lambda: max(1000, 128 * _cores())
+    )
     max_batches: Annotated[int, "batches that may run at once"] = 8
     max_batch_bytes: Annotated[int, "the largest body of a batch"] = 8 << 20
     batch_keep: Annotated[float, "how long the results of a batch are kept after its end, s"] = 86400.0

@@ -14,11 +14,12 @@ from api.clients import known_by_token
 from api.errors import Refusal, problem_response
 from api.log import log
 
-__all__ = ["Guard", "Tokens"]
+__all__ = ["OPEN", "Guard", "Tokens"]
 
-_OPEN = {"/livez", "/readyz", "/"}
-_PAGE = "/static/"
-"""The page is open, for it asks for a token; what it shows of the service is not."""
+OPEN = {"/livez", "/readyz", "/", "/docs", "/openapi.json"}
+_FILES = ("/static/", "/static-offline-docs/")
+"""Open to everybody are the probes, and what a browser loads without a token and holds no data: the page, the
+documentation and their files. Both ask for a token before they call the service."""
 
 
 class Tokens:
@@ -61,14 +62,14 @@ class Tokens:
 
 
 class Guard:
-    """ASGI middleware: lets in who sends a token, probes of health, and who opens the page."""
+    """ASGI middleware: lets in who sends a token, and everybody to what is open."""
 
     def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
         self.app = app
         self.tokens = tokens
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["path"] in _OPEN or scope["path"].startswith(_PAGE):
+        if scope["type"] != "http" or scope["path"] in OPEN or scope["path"].startswith(_FILES):
             await self.app(scope, receive, send)
             return
         scheme, _, token = Headers(scope=scope).get("authorization", "").partition(" ")

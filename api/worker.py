@@ -26,6 +26,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Literal
 
+from api.spool import Spool, dumps, loads, send
+
 __all__ = ["Worker", "adopt_orphans", "report", "stop_fork_server"]
 
 Kind = Literal["taken", "progress", "result", "error"]
@@ -114,16 +116,20 @@ class Worker:
         asyncio.get_running_loop().remove_reader(self._process.sentinel)
 
     def exchange(
-        self, job: bytes, taken: Callable[[], object], progress: Callable[[Any], object]
+        self,
+        job: bytes,
+        taken: Callable[[], object],
+        progress: Callable[[Any], object],
+        spools: Sequence[Spool] = (),
     ) -> tuple[Kind, Any]:
         """Has the worker do a job, and waits: ("result" or "error", what it returned or raised).
 
         Raises EOFError or OSError where the process ends, and whatever unpickling raises.
         """
         try:
-            self._pipe.send_bytes(job)
+            send(self._pipe, job, spools)
             while True:
-                kind, value = pickle.loads(self._pipe.recv_bytes())
+                kind, value = loads(self._pipe.recv_bytes(), self._pipe)
                 if kind == "taken":
                     taken()
                 elif kind == "progress":
@@ -194,7 +200,7 @@ def report(value: Any) -> None:
 
 
 def _send(pipe: Connection, kind: Kind, value: Any = None) -> None:
-    pipe.send_bytes(pickle.dumps((kind, value), pickle.HIGHEST_PROTOCOL))
+    send(pipe, *dumps((kind, value)))
 
 
 def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str], memory: int) -> None:
@@ -222,7 +228,7 @@ def _work(pipe: Connection, lifeline: Connection, preload: Sequence[str], memory
 def _do(pipe: Connection, job: bytes) -> None:
     global _caller
     try:
-        function, args, listens = pickle.loads(job)
+        function, args, listens = loads(job, pipe)
         _caller = pipe if listens else None
         _send(pipe, "result", function(*args))
     except BaseException as error:

@@ -17,10 +17,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import anyio
 from opentelemetry import trace
 
+from api.apart import apart
 from api.errors import Refusal
 from api.fair_queue import Ticket
 from api.log import log
@@ -146,6 +149,12 @@ class Pool(Scheduler[_Job]):
             self._unanswered.discard(job.answer)
             self._queue.discard(job)
             _trace(job)
+
+    async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
+        if not self.ready:
+            raise Refusal("draining", str(self.trouble), retry_after=RETRY_AFTER)
+        alone = partial(apart, function, *args, preload=self._preload, memory=self._memory)
+        return await anyio.to_thread.run_sync(alone)
 
     def _dispatch(self) -> None:
         """Gives jobs to idle workers."""

@@ -13,7 +13,7 @@ from drives.drive import Limits
 from drives.se2 import Pose
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
-from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
+from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound, TooManySamples
 from planner.guess import flowing_time, is_far, reversals
 from planner.optimize import Optimizer
 from planner.path import Path
@@ -25,12 +25,10 @@ from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
 from planner.trajectory import Phases
 
-__all__ = ["MAX_SAMPLES", "MAX_WAY", "Candidate", "candidates"]
+__all__ = ["MAX_WAY", "Candidate", "candidates"]
 
-MAX_SAMPLES = 200_000
-"""A schedule longer than this many samples is refused as infeasible."""
 MAX_WAY = 1e5
-"""So is a motion on which the footprint moves farther, m: the certificate's check of it would take long."""
+"""A motion on which the footprint moves farther, m, is refused: the certificate's check of it takes long."""
 
 _DIRECT_CANDIDATES, _GOOD_CANDIDATES = 6, (8, 10)
 """Ways to the goal: direct ones; those found by search, and how many where all turn back."""
@@ -329,15 +327,13 @@ def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:
 
 def _timed(problem: Problem, path: Path) -> Phases:
     """The motion along a path with stops."""
-    period, reach = problem.options.sample_period, problem.robot.footprint.reach
+    options, reach = problem.options, problem.robot.footprint.reach
     way = sum(piece.length + reach * abs(piece.turn) for piece in path)
     if way > MAX_WAY:
         raise LimitsInfeasible(
             f"the footprint would move {way:.6g} m, more than the {MAX_WAY:g} m of a plan that can be checked"
         )
     timed = time_path(path, problem.robot.drive, problem.robot.limits, problem.steering)
-    if timed.duration / period > MAX_SAMPLES:
-        raise LimitsInfeasible(
-            f"the motion would take {timed.duration:.6g} s, more than {MAX_SAMPLES} samples of {period:g} s"
-        )
+    if timed.duration / options.sample_period > options.max_samples - 1:
+        raise TooManySamples(timed.duration, options.sample_period, options.max_samples)
     return timed

@@ -7,6 +7,7 @@
     ├── NoPathExists            proven
     ├── NoPathFound             the time budget ended first
     ├── LimitsInfeasible        no motion meets the limits
+    │   └── TooManySamples      the motion takes more samples than a plan may have
     └── AuditFailed             the plan did not pass its own check
 
 Each has a stable `code` (the contract's) and `details`, plain JSON values that belong in the answer.
@@ -20,7 +21,7 @@ from drives.se2 import Pose
 
 __all__ = [
     "AuditFailed", "InvalidGeometry", "LimitsInfeasible", "NoPathExists", "NoPathFound", "PlanningError",
-    "PoseInCollision", "PoseOutOfBounds",
+    "PoseInCollision", "PoseOutOfBounds", "TooManySamples",
 ]  # fmt: skip
 
 
@@ -98,6 +99,19 @@ class NoPathFound(PlanningError):
 
 class LimitsInfeasible(PlanningError):
     code = "limits-infeasible"
+
+
+class TooManySamples(LimitsInfeasible):
+    """A motion of `duration` s has more than `max_samples` samples of `sample_period` s."""
+
+    code = "too-many-samples"
+
+    def __init__(self, duration: float, sample_period: float, max_samples: int) -> None:
+        super().__init__(
+            f"the motion takes {duration:.6g} s; a plan has at most {max_samples} samples of "
+            f"{sample_period:g} s, {max_samples * sample_period:.6g} s",
+            duration=duration, sample_period=sample_period, max_samples=max_samples,
+        )  # fmt: skip
 
 
 class AuditFailed(PlanningError):

@@ -12,6 +12,7 @@ from drives.drive import Drive, Limits
 from drives.se2 import Array, Pose
 
 __all__ = [
+    "MAX_SAMPLES",
     "Bounds",
     "Circle",
     "Environment",
@@ -23,6 +24,9 @@ __all__ = [
     "Problem",
     "Robot",
 ]
+
+MAX_SAMPLES = 200_000
+"""The default of Options.max_samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +110,8 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """time_budget s; sample_period s; min_clearance m; turning_radius m (0: no floor)."""
+    """time_budget s; sample_period s; min_clearance m; turning_radius m (0: no floor); max_samples: a motion
+    of more is refused."""
 
     time_budget: float = 1.0
     effort: Literal["first", "good", "best"] = "good"
@@ -115,6 +120,7 @@ class Options:
     min_clearance: float = 0.0
     reverse: bool = True
     turning_radius: float = 0.0
+    max_samples: int = MAX_SAMPLES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

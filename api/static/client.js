@@ -1,17 +1,13 @@
 /** The service's interface, as the page uses it. Every failure is a Refused with a problem document. */
 
+import { askToken, token } from "./access.js";
+
 export class Refused extends Error {
   constructor(problem) {
     super(problem.detail);
     this.problem = problem;
   }
 }
-
-/** The bearer token for a service that wants one. It lasts as long as this tab. */
-export const token = {
-  get: () => sessionStorage.getItem("wheelplan-token"),
-  set: (value) => sessionStorage.setItem("wheelplan-token", value),
-};
 
 export async function getBlob(path) {
   return (await answered(path, {})).blob();
@@ -82,6 +78,7 @@ async function answered(path, init) {
     });
   }
   if (response.ok) return response;
+  if (response.status === 401 && (await askToken())) return answered(path, init);
   const problem = await response.json().catch(() => ({}));
   const title = problem.title ?? `The service answered ${response.status}`;
   throw new Refused({ code: "", detail: "", ...problem, title });

@@ -1,6 +1,7 @@
 /** Taking it elsewhere: the request as a curl command or a link, the plan as a file. */
 
-import { planAs, token } from "./client.js";
+import { token } from "./access.js";
+import { planAs } from "./client.js";
 import { byId, element } from "./dom.js";
 import { words } from "./format.js";
 import { link } from "./link.js";

@@ -1,7 +1,6 @@
 /** The page: what the service offers is fetched, the parts are started, and "Plan" plans. */
 
 import { getJson, plan } from "./client.js";
-import { askToken } from "./access.js";
 import { startCharts } from "./charts.js";
 import { byId, element } from "./dom.js";
 import { EXAMPLE } from "./example.js";
@@ -55,7 +54,7 @@ async function start() {
   await load();
 }
 
-/** What the service offers; a token is asked for where that is not for everybody. */
+/** Fetches what the service offers. */
 async function load() {
   try {
     const [drives, openapi, maps, request] = await Promise.all([
@@ -71,8 +70,7 @@ async function load() {
     state.request =
       request && state.drives.has(request.robot.drive.type) ? request : structuredClone(EXAMPLE);
   } catch (error) {
-    if (error.problem?.code === "unauthorized") askToken(load);
-    else complain(error.problem ?? { title: "The page could not start", detail: String(error) });
+    complain(error.problem ?? { title: "The page could not start", detail: String(error) }, error.problem && load);
     return;
   }
   tell("request", "all");
@@ -99,8 +97,7 @@ async function submit() {
   } catch (error) {
     if (error.name !== "AbortError") {
       if (!error.problem) throw error;
-      if (error.problem.code === "unauthorized") askToken(submit);
-      else complain(error.problem, submit);
+      complain(error.problem, submit);
     }
   } finally {
     if (running === mine) {

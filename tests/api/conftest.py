@@ -55,6 +55,9 @@ class InlinePool(Pool):
     def start(self) -> None:
         pass
 
+    async def apart(self, function: Callable[..., Any], *args: Any) -> Any:
+        return await asyncio.to_thread(function, *args)
+
     async def run(self, function: Callable[..., Any], *args: Any, **how: Any) -> Any:
         loop, progress = asyncio.get_running_loop(), how.get("progress")
         self.busy += 1

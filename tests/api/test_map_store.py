@@ -1,6 +1,7 @@
 """The store of maps through crashes, damage, full disks and concurrent use."""
 
 import errno
+import io
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import planner.environment
 from api.errors import Refusal
@@ -314,3 +316,27 @@ def test_processes_that_share_a_store_agree(store):
     assert files(store) == listed
     for id in listed:
         store.get(id)
+
+
+# ---------------------------------------------------------------- images
+
+
+def pixels(store):
+    return np.asarray(Image.open(io.BytesIO(store.image(ROOM.id).read()))).tolist()
+
+
+def test_an_image_is_encoded_when_its_map_is_stored_and_never_again(store, monkeypatch):
+    store.add(ROOM)
+    monkeypatch.setattr("api.maps.Image", None)
+    assert pixels(store) == [[0, 0, 254], [254, 0, 205]]
+
+
+def test_a_map_stored_before_images_were_gets_one_that_lasts(store):
+    store.add(ROOM)
+    stored = pixels(store)
+    (store.root / ROOM.id / "image.png").unlink()
+    assert store.image(ROOM.id) is None
+    store.draw(ROOM.id)
+    assert pixels(store) == stored
+    assert files(store) == {ROOM.id}
+    assert code(store.draw, HALL.id) == "unknown-map"

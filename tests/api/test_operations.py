@@ -11,6 +11,7 @@ from api.app import create_app
 from api.errors import CODES
 from api.settings import Settings
 from api.workers import Pool
+from planner.problem import MAX_SAMPLES
 from tests.api.conftest import InlinePool
 
 CONTRACT = {
@@ -26,6 +27,7 @@ def test_the_codes_are_those_of_the_contract_and_those_of_http_and_of_the_stores
     own = {
         "malformed-http": 400, "unauthorized": 401, "not-found": 404, "method-not-allowed": 405,
         "request-timeout": 408, "internal-error": 500, "unknown-batch": 404, "map-corrupt": 500,
+        "too-many-samples": 422, "busy": 503,
         "insufficient-storage": 507, "quota-exceeded": 507,
     }  # fmt: skip
     assert {code: status for code, (status, _) in CODES.items()} == CONTRACT | own
@@ -103,6 +105,7 @@ def test_limits_are_those_that_hold(client, settings, body):
     limits = client.get("/v1/limits").json()
     assert limits["max_time_budget"] == settings.max_time_budget
     assert limits["max_body_bytes"] == settings.max_body_bytes
+    assert limits["max_samples"] == settings.max_samples == MAX_SAMPLES
     body["options"]["time_budget"] = limits["max_time_budget"]
     body["options"]["sample_period"] = limits["sample_period"][1]
     body["start"]["x"] = limits["max_coordinate"]
@@ -187,6 +190,11 @@ def test_a_page_for_operators_gives_the_settings_defaults():
     page = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
     given = {row[0].strip("` "): row[1].strip() for line in page.splitlines()
              if len(row := line.split("|")[1:3]) == 2}  # fmt: skip
-    machine = {"WHEELPLAN_DATA_DIR", "WHEELPLAN_WORKERS", "WHEELPLAN_QUEUE_LENGTH"}
+    machine = {
+        "WHEELPLAN_DATA_DIR",
+        "WHEELPLAN_WORKERS",
+        "WHEELPLAN_QUEUE_LENGTH",
+        "WHEELPLAN_MAX_CONNECTIONS",
+    }
     for name, _, default, _ in Settings().table():
         assert name in machine or given[name] == (default or "none"), name

@@ -206,20 +206,72 @@ def test_a_stream_that_ends_in_a_problem_shows_it(open_page):
     assert view.state("state.motion !== null")
 
 
-def test_where_the_service_wants_a_token_the_page_asks_for_it(open_page, tmp_path):
-    (tmp_path / "tokens").write_text("the-token\n")
-    with serving(tmp_path, "the-token", workers=1, tokens_file=tmp_path / "tokens") as server:
-        view = open_page(of=f"http://127.0.0.1:{server.port}")
-        view.page.wait_for_selector("#access[open]")
-        view.picture("token")
-        view.page.fill("#token", "a-wrong-one")
-        view.page.keyboard.press("Enter")
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    """A service that asks for tokens."""
+    folder = tmp_path_factory.mktemp("guarded")
+    (folder / "tokens").write_text("the-token\n")
+    with serving(folder, "the-token", workers=1, tokens_file=folder / "tokens") as server:
+        yield server, folder / "tokens"
+
+
+def test_where_the_service_wants_a_token_the_page_asks_for_it(open_page, guarded):
+    server, _ = guarded
+    view = open_page(of=f"http://127.0.0.1:{server.port}")
+    view.page.wait_for_selector("#access[open]")
+    view.picture("token")
+    view.page.fill("#token", "a-wrong-one")
+    view.page.keyboard.press("Enter")
+    view.page.wait_for_selector("#access-note >> text=does not know")
+    view.page.fill("#token", "the-token")
+    view.page.keyboard.press("Enter")
+    view.page.wait_for_selector("html[data-ready]")
+    view.edit("r.options.effort = 'first'")
+    view.plan()
+    assert view.page.is_visible("#dock")
+    assert "Bearer $TOKEN" in view.page.text_content("#curl")
+    assert "the-token" not in view.page.text_content("#curl")
+
+
+def test_a_token_that_is_withdrawn_is_asked_for_again_and_the_plan_goes_on(open_page, guarded):
+    server, tokens = guarded
+    remembered = "sessionStorage.setItem('wheelplan-token', 'the-token')"
+    view = open_page(of=f"http://127.0.0.1:{server.port}", script=remembered)
+    view.page.wait_for_selector("html[data-ready]")
+    view.edit("r.options.effort = 'first'")
+    tokens.write_text("the-next-token\n")
+    try:
+        view.page.click("#plan")
         view.page.wait_for_selector("#access-note >> text=does not know")
-        view.page.fill("#token", "the-token")
+        view.page.fill("#token", "the-next-token")
         view.page.keyboard.press("Enter")
-        view.page.wait_for_selector("html[data-ready]")
-        view.edit("r.options.effort = 'first'")
-        view.plan()
+        view.settle()
         assert view.page.is_visible("#dock")
-        assert "Bearer $TOKEN" in view.page.text_content("#curl")
-        assert "the-token" not in view.page.text_content("#curl")
+        tokens.write_text("another-one\n")
+        view.page.click("#plan")
+        view.page.wait_for_selector("#access[open]")
+        view.page.keyboard.press("Escape")
+        view.settle()
+        assert "A token is needed" in view.page.inner_text("#notice")
+    finally:
+        tokens.write_text("the-token\n")
+
+
+def test_where_the_service_wants_a_token_the_documentation_opens_and_takes_it(open_page, guarded):
+    server, _ = guarded
+    view = open_page(of=f"http://127.0.0.1:{server.port}", at="/docs")
+    page = view.page
+    page.click("button.authorize")
+    page.fill(".auth-container input", "the-token")
+    page.click(".auth-btn-wrapper button.authorize")
+    page.click(".auth-btn-wrapper button.btn-done")
+    operation = page.locator("#operations-operations-limits_v1_limits_get")
+    operation.locator(".opblock-summary-control").click()
+    operation.locator("button.try-out__btn").click()
+    operation.locator("button.execute").click()
+    status = operation.locator(".live-responses-table .response-col_status").last
+    status.wait_for()
+    view.picture("docs")
+    assert status.inner_text().startswith("200")
+    page.locator("#operations-operations-livez_livez_get").wait_for()
+    assert page.locator("#operations-operations-livez_livez_get .authorization__btn").count() == 0

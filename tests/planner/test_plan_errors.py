@@ -15,7 +15,7 @@ import pytest
 from drives import DRIVES
 from drives.se2 import Pose
 from planner import errors
-from planner.candidates import MAX_SAMPLES, MAX_WAY
+from planner.candidates import MAX_WAY
 from planner.errors import (
     AuditFailed,
     InvalidGeometry,
@@ -25,9 +25,10 @@ from planner.errors import (
     PlanningError,
     PoseInCollision,
     PoseOutOfBounds,
+    TooManySamples,
 )  # fmt: skip
 from planner.plan import plan
-from planner.problem import Bounds, Circle, Environment, Footprint, Polygon, Problem
+from planner.problem import MAX_SAMPLES, Bounds, Circle, Environment, Footprint, Polygon, Problem
 
 Ask = Callable[..., Problem]
 POST = (Circle(0.0, 0.0, 0.3),)
@@ -191,7 +192,7 @@ def test_a_way_that_needs_no_search_is_found_in_any_budget(ask: Ask) -> None:
 
 
 @pytest.mark.parametrize("kind", DRIVES)
-def test_a_motion_of_too_many_samples_is_infeasible(ask: Ask, kind: str) -> None:
+def test_a_motion_of_too_many_samples_is_refused_with_its_duration_and_the_bound(ask: Ask, kind: str) -> None:
     def problem(samples: float) -> Problem:
         """Two metres straight ahead that take about so many samples, mostly at full speed."""
         unlimited = plan(ask(kind, (-1, 0, 0), (1, 0, 0), limits={"wheel_acceleration": 1e6})).duration
@@ -201,8 +202,21 @@ def test_a_motion_of_too_many_samples_is_infeasible(ask: Ask, kind: str) -> None
         )
 
     error = refused(problem(MAX_SAMPLES * 1.1))
-    assert isinstance(error, LimitsInfeasible)
-    assert error.code == "limits-infeasible"
+    assert isinstance(error, TooManySamples)
+    assert error.code == "too-many-samples"
+    assert error.details["duration"] == pytest.approx(MAX_SAMPLES * 1.1 * 0.02, rel=1e-2)
+    assert (error.details["sample_period"], error.details["max_samples"]) == (0.02, MAX_SAMPLES)
+
+
+def test_the_bound_on_samples_is_an_option_and_is_met_exactly(ask: Ask) -> None:
+    problem = ask("differential", (-1, 0, 0), (1, 0, 0), effort="first")
+    count = len(plan(problem).schedule.time)
+
+    def bounded(by: int) -> Problem:
+        return replace(problem, options=replace(problem.options, max_samples=by))
+
+    assert len(plan(bounded(count)).schedule.time) == count
+    assert isinstance(refused(bounded(count - 1)), TooManySamples)
 
 
 def test_a_slow_motion_of_fewer_samples_is_planned(ask: Ask) -> None:

@@ -40,10 +40,12 @@ def slow(seconds):
 
 
 class Server:
-    """Listens on a free port. settings: queue_length=1 sets WHEELPLAN_QUEUE_LENGTH."""
+    """Listens on a free port. settings: queue_length=1 sets WHEELPLAN_QUEUE_LENGTH. stalls: nobody reads its
+    log."""
 
     def __init__(self, data_dir, token=None, **settings):
         self.token = token
+        self.data_dir = Path(data_dir)
         given = {f"WHEELPLAN_{name.upper()}": str(value) for name, value in settings.items()}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "api.cli", "serve", "--port", "0"],
@@ -53,10 +55,13 @@ class Server:
         )
         self.port = None
         self.log = []
+        self.stalls = False
         threading.Thread(target=self._read_log, daemon=True).start()
 
     def _read_log(self):
         for line in self.process.stderr:
+            while self.stalls:
+                time.sleep(0.1)
             self.log.append(line)
             if b'"listening"' in line:
                 self.port = json.loads(line)["port"]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -37,7 +38,7 @@ def test_every_token_in_the_file_lets_in(guarded, token):
         "Bearer OLD-TOKEN", "Basic old-token", "old-token", "Bearer # for rotation", "Bearer \xe9",
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("path", ["/v1/plans", "/v1/drives", "/metrics", "/docs", "/nowhere"])
+@pytest.mark.parametrize("path", ["/v1/plans", "/v1/drives", "/metrics", "/v1/limits", "/nowhere"])
 def test_nobody_else_is_let_in(guarded, sent, path):
     status, headers, body = guarded.call(path, **({} if sent is None else {"Authorization": sent}))
     assert (status, json.loads(body)["code"]) == (401, "unauthorized")
@@ -48,6 +49,24 @@ def test_nobody_else_is_let_in(guarded, sent, path):
 @pytest.mark.parametrize("path", ["/livez", "/readyz"])
 def test_probes_of_health_need_no_token(guarded, path):
     assert guarded.call(path)[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/static/main.js", "/docs", "/openapi.json"])
+def test_what_a_browser_loads_without_a_token_is_open_and_so_are_the_files_that_it_names(guarded, path):
+    status, _, body = guarded.call(path)
+    assert status == 200
+    for needed in set(re.findall(r"""(?:src|href)="(/[^"]+)""", body.decode())):
+        assert guarded.call(needed)[0] == 200, needed
+
+
+def test_the_openapi_document_tells_which_routes_ask_for_a_token(guarded):
+    document = json.loads(guarded.call("/openapi.json")[2])
+    ((name, scheme),) = document["components"]["securitySchemes"].items()
+    assert (scheme["type"], scheme["scheme"]) == ("http", "bearer")
+    for path, methods in document["paths"].items():
+        asks = guarded.call(path)[0] == 401
+        for operation in methods.values():
+            assert operation.get("security") == ([{name: []}] if asks else None), path
 
 
 def test_a_token_is_added_and_withdrawn_without_a_restart(guarded, tokens):
