@@ -43,6 +43,10 @@ class Metrics:
             "A motion's duration over the least time in which its busiest wheel could turn as far.",
             ["drive"], buckets=_RATIOS, registry=self.registry,
         )  # fmt: skip
+        self.uncertified = Counter(
+            "wheelplan_motions_refused", "Motions that failed their certificate.",
+            ["drive"], registry=self.registry,
+        )  # fmt: skip
         self.refused = Counter(
             "wheelplan_refused", "Plans not made, by problem code.", ["code"], registry=self.registry
         )
@@ -52,6 +56,7 @@ class Metrics:
         drive = problem.robot.drive.kind
         self.planning.labels(drive, answer.planner).observe(answer.seconds)
         self.durations.labels(drive).observe(answer.duration_ratio)
+        self.uncertified.labels(drive).inc(answer.refused)
 
 
 class _Workers(Collector):

@@ -32,12 +32,14 @@ __all__ = [
 
 class Answer(NamedTuple):
     """The body of a response, in a file if it is large; the seconds that planning took, the planner that
-    found the way, and how near the motion is to the shortest (see duration_ratio)."""
+    found the way, how near the motion is to the shortest (see duration_ratio), and how many faster motions
+    failed their certificate."""
 
     body: bytes | Spool
     seconds: float
     planner: str
     duration_ratio: float
+    refused: int
 
 
 def answer_plan(problem: Problem, media_type: str, compress: bool) -> Answer:
@@ -71,7 +73,8 @@ def stream_plan(problem: Problem) -> Answer:
 
 
 def _answer(problem: Problem, made: Plan, body: bytes, seconds: float) -> Answer:
-    return Answer(spooled(body), seconds, made.planning["planner"], duration_ratio(problem, made))
+    about = made.planning
+    return Answer(spooled(body), seconds, about["planner"], duration_ratio(problem, made), about["refused"])
 
 
 def duration_ratio(problem: Problem, made: Plan) -> float:

@@ -184,7 +184,7 @@ def _standing(problem: Problem, world: CollisionWorld, watch: Stopwatch) -> Plan
         0.0,
         made,
         certificate,
-        _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0),
+        _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0, refused=0),
     )
 
 

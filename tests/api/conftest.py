@@ -96,7 +96,8 @@ class FakePlanner:
         columns = [np.arange(3.0 * n).reshape(3, n) + n / 10 for n in (m, m, m, k, k, 3, 3)]
         schedule = WheelSchedule(np.array([0.0, 0.02, 0.04]), *columns)
         certificate = Certificate(**{field.name: 0.0 for field in fields(Certificate)})
-        return Plan(duration, 0.1, schedule, certificate, {"planner": "fake", "seed": problem.options.seed})
+        about = {"planner": "fake", "seed": problem.options.seed, "refused": 0}
+        return Plan(duration, 0.1, schedule, certificate, about)
 
 
 @pytest.fixture

@@ -128,6 +128,7 @@ def test_metrics_count_requests_plans_and_refusals(client, body, planner_):
         'wheelplan_requests_total{method="GET",route="none",status="404"} 1.0',
         'wheelplan_planning_seconds_count{drive="differential",planner="fake"} 1.0',
         'wheelplan_duration_ratio_count{drive="differential"} 1.0',
+        'wheelplan_motions_refused_total{drive="differential"} 0.0',
         'wheelplan_workers_lost_total{reason="deadline"} 0.0',
         'wheelplan_refused_total{code="limits-infeasible"} 1.0',
         "wheelplan_queue_depth 0.0",
