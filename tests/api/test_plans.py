@@ -30,7 +30,7 @@ def test_a_plan_has_the_members_of_the_contract(client, body):
         "closure_position", "closure_heading", "wheel_speed_ratio", "wheel_acceleration_ratio",
         "wheel_jerk_ratio", "steering_angle_ratio", "steering_rate_ratio", "slip", "clearance",
     } <= set(plan["certificate"])  # fmt: skip
-    assert plan["planning"] == {"planner": "fake", "seed": 7}
+    assert plan["planning"] == {"planner": "fake", "seed": 7, "refused": 0}
     assert plan["schedule"]["wheels"]["right"]["velocity"] == [1.2, 3.2, 5.2]
     assert plan["trajectory"]["omega"] == [2.3, 5.3, 8.3]
 
