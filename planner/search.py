@@ -26,7 +26,7 @@ from planner.curves import SEGMENTS
 from planner.edges import LINE, joined
 from planner.guide import Guide
 from planner.path import Path, as_path
-from planner.problem import Environment, MapLayer
+from planner.problem import Environment, Footprint, MapLayer
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
 
@@ -105,7 +105,7 @@ class Search:
         doubt: Callable[[], None] = lambda: None,
     ) -> None:
         self.connector, self.start, self.goals, self.seed, self.doubt = connector, start, goals, seed, doubt
-        self.area = _area(environment)
+        self.area = _area(environment, _off(connector.robot.footprint))
         self._guides: dict[Pose, Guide] = {}
         self.work = 0
         """Motions checked so far."""
@@ -289,8 +289,9 @@ class Search:
         return as_path(np.array(self.start), taken[taken.any(1)], self.connector.law.kind == LINE)
 
 
-def _area(environment: Environment) -> Area:
-    """x_min, y_min, x_max, y_max (m, world frame) around where poses may be."""
+def _area(environment: Environment, off: float) -> Area:
+    """x_min, y_min, x_max, y_max (m, world frame) around where a body origin may be that lies `off` m outside
+    its footprint."""
     layer, bounds = environment.map, environment.bounds
     box = (-math.inf, -math.inf, math.inf, math.inf)
     if layer is not None:
@@ -299,14 +300,25 @@ def _area(environment: Environment) -> Area:
         corners = [compose(layer.origin, Pose(x, y, 0.0)) for x in (0.0, right) for y in (0.0, top)]
         xs, ys = [c.x for c in corners], [c.y for c in corners]
         box = (min(xs), min(ys), max(xs), max(ys))
-    if bounds is None:
-        return box
-    return (
-        max(box[0], bounds.x_min),
-        max(box[1], bounds.y_min),
-        min(box[2], bounds.x_max),
-        min(box[3], bounds.y_max),
-    )
+    if bounds is not None:
+        box = (
+            max(box[0], bounds.x_min),
+            max(box[1], bounds.y_min),
+            min(box[2], bounds.x_max),
+            min(box[3], bounds.y_max),
+        )
+    return box[0] - off, box[1] - off, box[2] + off, box[3] + off
+
+
+def _off(footprint: Footprint) -> float:
+    """Distance (m) from the body origin to the footprint; 0 if it is inside."""
+    corner = footprint.vertices @ np.array([1.0, 1j])
+    side = np.roll(corner, -1) - corner
+    if abs(np.angle((corner + side) * corner.conj()).sum()) > math.pi:  # the sides go round the origin
+        return 0.0
+    share = -(corner * side.conj()).real / np.maximum(np.abs(side) ** 2, 1e-300)
+    nearest = np.abs(corner + np.clip(share, 0.0, 1.0) * side).min()
+    return max(0.0, float(nearest) - footprint.radius)
 
 
 @lru_cache(maxsize=8)
