@@ -11,7 +11,7 @@ import numpy as np
 
 from drives.drive import Limits
 from drives.se2 import Pose
-from planner.connect import Connector, connector
+from planner.connect import Connector, connector, free_paths
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound
 from planner.guess import flowing_time, is_far, reversals
@@ -292,18 +292,7 @@ def _plain(
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:
     """The quickest free ways, by estimate, that need no search: a few, each checked when asked for."""
     tried = local.direct(np.repeat([start], len(goals), 0), np.array(goals))
-    ways = [
-        (float(time), motions, pair, way)
-        for motions in tried
-        for (pair, way), time in np.ndenumerate(motions.times)
-        if time < np.inf
-    ]
-    free = (
-        motions.path(pair, way)
-        for _, motions, pair, way in sorted(ways, key=lambda w: w[0])
-        if motions.free(slice(pair, pair + 1), slice(way, way + 1))[0, 0]
-    )
-    return islice(free, _DIRECT_CANDIDATES)
+    return islice(free_paths(tried), _DIRECT_CANDIDATES)
 
 
 def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:

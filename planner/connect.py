@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
 from drives.se2 import Array
+from planner.curves import SEGMENTS
 from planner.edges import (
     CURVE,
     LINE,
@@ -28,14 +30,16 @@ from planner.edges import (
     duration,
     motions_between,
     motions_free,
+    next_free,
     step_times,
 )
 from planner.environment import CollisionWorld
 from planner.estimate import pace
+from planner.fits import fitted
 from planner.path import Path, as_path, as_steps
 from planner.problem import Options, Robot
 
-__all__ = ["Connector", "Motions", "connector"]
+__all__ = ["Connector", "Motions", "connector", "free_paths"]
 
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
@@ -72,6 +76,25 @@ class Motions:
     def path(self, pair: int, way: int) -> Path:
         """The motion itself."""
         return as_path(self.start[pair], self.steps[pair, way], self.straight)
+
+
+def free_paths(tried: list[Motions]) -> Iterator[Path]:
+    """The motions that are free, the quickest first, each checked when asked for."""
+    times = np.concatenate([motions.times.ravel() for motions in tried])
+    order = np.argsort(times, kind="stable")
+    order = order[: np.searchsorted(times[order], np.inf)]
+    start, steps = np.empty((len(times), 3)), np.zeros((len(times), SEGMENTS, 3))
+    straight, at = np.empty(len(times), dtype=np.bool_), 0
+    for motions in tried:
+        pairs, ways, k, _ = motions.steps.shape
+        rows = slice(at, at + pairs * ways)
+        start[rows] = np.repeat(motions.start, ways, 0)
+        steps[rows, :k], straight[rows] = motions.steps.reshape(-1, k, 3), motions.straight
+        at = rows.stop
+    place = -1
+    while (place := next_free(tried[0].world.kernel, start, steps, straight, order, place + 1)) >= 0:
+        i = order[place]
+        yield as_path(start[i], steps[i], bool(straight[i]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +141,7 @@ class Connector(ABC):
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         """All motions worth trying before any search."""
-        return [self.motions(a, b)]
+        return [self.motions(a, b), Motions(self.world, a, *fitted(self.law, a, b))]
 
     @cached_property
     def reversal(self) -> float:
@@ -164,7 +187,7 @@ class LineConnector(Connector):
         return self._fast[0]
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [self.motions(a, b), *([self._rides(a, b)] if self.flows else [])]
+        return [*super().direct(a, b), *([self._rides(a, b)] if self.flows else [])]
 
     @cached_property
     def _fast(self) -> tuple[Array, Array, float]:
@@ -259,7 +282,8 @@ class CurveConnector(Connector):
         return float(lean), float((OVERLAPPING if self.flows else 1.0) / limits.steering_rate)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [Motions(self.world, a, *motions_between(law, a, b, _WAYS)) for law in self._laws]
+        fits = Motions(self.world, a, *fitted(self.law, a, b))
+        return [*(Motions(self.world, a, *motions_between(law, a, b, _WAYS)) for law in self._laws), fits]
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:

@@ -65,9 +65,7 @@ def standstill(pose: Array, wheels: int, steering: Array, duration: float = 0.0)
     time = np.array([0.0, duration] if duration > 0 else [0.0])
     rest, still = np.zeros((len(time), wheels)), np.zeros((len(time), len(steering)))
     poses, angles = np.tile(pose, (len(time), 1)), np.tile(steering, (len(time), 1))
-    return _frozen(
-        WheelSchedule(time, rest, rest, rest, angles, still, poses, np.zeros((len(time), 3)))
-    )
+    return _frozen(WheelSchedule(time, rest, rest, rest, angles, still, poses, np.zeros((len(time), 3))))
 
 
 def _frozen(out: WheelSchedule) -> WheelSchedule:
