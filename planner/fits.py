@@ -42,8 +42,20 @@ def fitted(law: Law, a: Array, b: Array) -> tuple[Array, Array]:
         count = _ways(law.kind, c * dx + s * dy, c * dy - s * dx, turn, steps[i])
         for way in range(count):
             if _is_allowed(steps[i, way], law.radius, law.kind == CURVE, law.reverse):
-                times[i, way] = duration(timed, a[i, 2], steps[i, way])
+                first, last = steps[i, way, 0].any(), steps[i, way, 1].any()
+                time = duration(timed, a[i, 2], steps[i, way, int(not first) : 1 + int(last)])
+                # A single arc is each of the other kinds, too.
+                times[i, way] = np.inf if _has(times[i], time) else time
     return times, steps
+
+
+@kernel
+def _has(times: Array, time: float) -> bool:
+    """Whether one of times (n,) is the same but for rounding."""
+    for other in times:
+        if abs(other - time) <= _TINY * time:
+            return True
+    return False
 
 
 @kernel
