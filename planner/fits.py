@@ -16,7 +16,7 @@ from drives.se2 import Array
 from planner.edges import CURVE, LINE, PIVOT, Law, duration
 from planner.kernels import kernel
 
-__all__ = ["FITS", "fitted"]
+__all__ = ["FITS", "fit", "fitted"]
 
 FITS, _STEPS = 16, 2
 """Ways at most, and twists of each."""
@@ -28,25 +28,32 @@ _TINY = 1e-9
 def fitted(law: Law, a: Array, b: Array) -> tuple[Array, Array]:
     """Times (n, FITS) s, inf if there is no such way, and steps (n, FITS, 2, 3) of ways from poses a (n, 3)
     to b whose radii fit: see Motions. Radii are at least the law's."""
-    times, steps = np.full((len(a), FITS), np.inf), np.zeros((len(a), FITS, _STEPS, 3))
+    times, steps = np.empty((len(a), FITS)), np.zeros((len(a), FITS, _STEPS, 3))
+    for i in range(len(a)):
+        fit(law, a[i], b[i], times[i], steps[i])
+    return times, steps
+
+
+@kernel
+def fit(law: Law, a: Array, b: Array, times: Array, steps: Array) -> None:
+    """The ways from one pose (3,) to another, into times (FITS,) and steps (FITS, 2 or more, 3), all zero."""
+    times[:] = np.inf
     timed = law
     if law.kind == LINE:  # its steps are displacements, these are twists
         timed = Law(
             PIVOT, law.reverse, law.flows, law.radius, law.pace, law.speed, law.push, law.lean, law.slowness,
             law.reversal,
         )  # fmt: skip
-    for i in range(len(a)):
-        c, s = math.cos(a[i, 2]), math.sin(a[i, 2])
-        dx, dy = b[i, 0] - a[i, 0], b[i, 1] - a[i, 1]
-        turn = math.pi - (math.pi - (b[i, 2] - a[i, 2])) % math.tau
-        count = _ways(law.kind, c * dx + s * dy, c * dy - s * dx, turn, steps[i])
-        for way in range(count):
-            if _is_allowed(steps[i, way], law.radius, law.kind == CURVE, law.reverse):
-                first, last = steps[i, way, 0].any(), steps[i, way, 1].any()
-                time = duration(timed, a[i, 2], steps[i, way, int(not first) : 1 + int(last)])
-                # A single arc is each of the other kinds, too.
-                times[i, way] = np.inf if _has(times[i], time) else time
-    return times, steps
+    c, s = math.cos(a[2]), math.sin(a[2])
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    turn = math.pi - (math.pi - (b[2] - a[2])) % math.tau
+    count = _ways(law.kind, c * dx + s * dy, c * dy - s * dx, turn, steps)
+    for way in range(count):
+        if _is_allowed(steps[way], law.radius, law.kind == CURVE, law.reverse):
+            first, last = steps[way, 0].any(), steps[way, 1].any()
+            time = duration(timed, a[2], steps[way, int(not first) : 1 + int(last)])
+            # A single arc is each of the other kinds, too.
+            times[way] = np.inf if _has(times, time) else time
 
 
 @kernel
