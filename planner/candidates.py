@@ -19,7 +19,7 @@ from planner.optimize import Optimizer
 from planner.path import Path
 from planner.problem import Problem
 from planner.retime import hastened
-from planner.search import Search
+from planner.search import HYBRID, Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
@@ -218,10 +218,11 @@ def _ways(
         if planner != "direct":
             if count and watch.is_over():
                 break
+            fits = planner == HYBRID
             shorter = (
-                _quick(path, local, search, watch)
+                _quick(path, local, search, watch, fits)
                 if options.effort == "first"
-                else shorten(path, local, rough=waits)
+                else shorten(path, local, rough=waits, fits=fits)
             )
             watch.lap("shorten")
         try:
@@ -252,9 +253,9 @@ def _ways(
         )
 
 
-def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> Path:
+def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch, fits: bool) -> Path:
     """A way found, shortened for effort first; where it is a detour, the best of it and a few others."""
-    path = shorten(found, quick)
+    path = shorten(found, quick, fits=fits)
     crow = math.dist(path[0].start[:2], path[-1].end[:2])
     if sum(piece.length for piece in path) <= _DETOUR * crow:
         return path
@@ -276,7 +277,7 @@ def _plain(
     quick = connector(robot, local.world, replace(problem.options, effort="first"))
     path = next(_direct(problem.start, quick, goals), None)
     planner = "direct" if path else near.planner
-    path = path or _quick(near.found, quick, search, watch)
+    path = path or _quick(near.found, quick, search, watch, near.planner == HYBRID)
     watch.lap("shorten")
     if near.planner == "direct" and path == near.found:
         return []  # it is near itself

@@ -13,10 +13,10 @@ import math
 import numpy as np
 
 from drives.se2 import Array
-from planner.edges import CURVE, LINE, PIVOT, Law, duration
+from planner.edges import CURVE, LINE, PIVOT, Law, duration, ways_between
 from planner.kernels import kernel
 
-__all__ = ["FITS", "fit", "fitted"]
+__all__ = ["FITS", "all_ways", "fit", "fitted"]
 
 FITS, _STEPS = 16, 2
 """Ways at most, and twists of each."""
@@ -57,12 +57,20 @@ def fit(law: Law, a: Array, b: Array, times: Array, steps: Array) -> None:
 
 
 @kernel
+def all_ways(law: Law, a: Array, b: Array, few: int, times: Array, steps: Array) -> None:
+    """The `few` quickest ways from a pose (3,) to another, see planner.edges, and if there is room for FITS
+    more, those whose radii fit, into times (ways,) and steps (ways, SEGMENTS, 3)."""
+    ways_between(law, a, b, times[:few], steps[:few])
+    if len(times) > few:
+        times[few:], steps[few:] = np.inf, 0.0
+        if law.kind != LINE:
+            fit(law, a, b, times[few:], steps[few:])
+
+
+@kernel
 def _has(times: Array, time: float) -> bool:
     """Whether one of times (n,) is the same but for rounding."""
-    for other in times:
-        if abs(other - time) <= _TINY * time:
-            return True
-    return False
+    return any(abs(other - time) <= _TINY * time for other in times)
 
 
 @kernel

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from drives.se2 import Array
 from planner.collision import RADIUS, REACH, World
 from planner.curves import SEGMENTS
-from planner.edges import CURVE, LINE, PIVOT, Law, motion_free, moved, step_times, ways_between
-from planner.fits import FITS, fit
+from planner.edges import CURVE, LINE, Law, motion_free, moved, step_times
+from planner.fits import FITS, all_ways
 from planner.kernels import kernel
 
 __all__ = ["hybrid_steps"]
@@ -78,7 +78,7 @@ def hybrid_steps(
         # Straight to the goal?
         distance = _distance(pose[i], goal)
         if distance < max(_NEAR * whole, _WITHIN * stride) or popped % _EVERY == 1:
-            _all_ways(law, pose[i], goal, times, ways)
+            all_ways(law, pose[i], goal, _WAYS, times, ways)
             for _ in range(len(times)):
                 way = int(np.argmin(times))
                 time = cost[i] + times[way] + _change(law, step[i], ways[way, 0], reversal)
@@ -172,25 +172,16 @@ def _change(law: Law, before: Array, after: Array, reversal: float) -> float:
     return 0.0
 
 
-@kernel
-def _all_ways(law: Law, a: Array, b: Array, times: Array, ways: Array) -> None:
-    """Ways from a pose to another, those whose radii fit among them."""
-    times[:], ways[:] = np.inf, 0.0
-    ways_between(law, a, b, times[:_WAYS], ways[:_WAYS])
-    if law.kind != LINE:
-        fit(law, a, b, times[_WAYS:], ways[_WAYS:])
-
-
 # ---------------------------------------------------------------- cells: a hash table, open addressing
 
 
 @kernel
 def _key(start: Array, pose: Array, cell: float, angle: float) -> int:
     """Of the cell that a pose is in."""
-    i = int(math.floor((pose[0] - start[0]) / cell + 0.5)) + (1 << 19)
-    j = int(math.floor((pose[1] - start[1]) / cell + 0.5)) + (1 << 19)
+    i = math.floor((pose[0] - start[0]) / cell + 0.5) + (1 << 19)
+    j = math.floor((pose[1] - start[1]) / cell + 0.5) + (1 << 19)
     turns = (pose[2] - start[2]) % math.tau
-    k = int(math.floor(turns / angle + 0.5)) % int(math.ceil(math.tau / angle))
+    k = math.floor(turns / angle + 0.5) % math.ceil(math.tau / angle)
     return (((i << 20) | j) << 20) | k
 
 

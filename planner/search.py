@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -25,12 +26,13 @@ from planner.connect import Connector
 from planner.curves import SEGMENTS
 from planner.edges import LINE, joined
 from planner.guide import Guide
+from planner.hybrid import hybrid_steps
 from planner.path import Path, as_path
 from planner.problem import Environment, Footprint, MapLayer
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
 
-__all__ = ["Search"]
+__all__ = ["HYBRID", "Search"]
 
 ou.setLogLevel(ou.LOG_NONE)
 
@@ -40,18 +42,22 @@ Area: TypeAlias = tuple[float, float, float, float]
 _OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
 
 
+HYBRID = "HybridAStar"
 _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 150, False),
     ("RRTConnect", 2_000, True),
+    (HYBRID, 1_000, False),
     ("RRTConnect", 2_000, True),
+    (HYBRID, 4_000, False),
     ("BKPIECE1", 4_000, False),
     ("RRTConnect", 16_000, True),
     ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
+    (HYBRID, 8_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
-_REPEATED = 3
+_REPEATED = 4
 _ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
@@ -61,6 +67,9 @@ _WIDER, _REACHES = 0.5, 6.0
 so many reaches of the footprint and turning radii."""
 _OTHERS = 2
 """Other ways beside the first one."""
+_ANGLE, _FINEST, _CHEAP = 0.1, 1e-3, 8
+"""Of hybrid A*: its first cells, halved once all of them are looked at or led to the goal, and its last (rad); how many of its motions, which
+are short and compiled, take as long as one of OMPL's."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -107,6 +116,7 @@ class Search:
         self.connector, self.start, self.goals, self.seed, self.doubt = connector, start, goals, seed, doubt
         self.area = _area(environment, _off(connector.robot.footprint))
         self._guides: dict[Pose, Guide] = {}
+        self._angle = _ANGLE
         self.work = 0
         """Motions checked so far."""
         self.allowance: int | None = None
@@ -123,10 +133,10 @@ class Search:
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
             work *= 2**again
-            if not self.connector.reverse:
+            if not self.connector.reverse and name != HYBRID:
                 name = _TURNS[0][0]  # BKPIECE1 takes motions to be as free the other way round
             more = found and self.allowance is not None
-            if more and not guided:
+            if more and not guided and name != HYBRID:
                 # Other ways are found by chance, at once, rather than by patience.
                 name, work, _ = _TURNS[0]
             if self.allowance is not None:
@@ -140,6 +150,8 @@ class Search:
             path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
                 name = _ROADMAP
+            elif name == HYBRID:
+                path = self._hybrid(goal, work)
             else:
                 path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, turn == 1 or more)
             if path is not None:
@@ -169,6 +181,23 @@ class Search:
         self.work += checked
         self._tell(_ROADMAP, True, None, checked, path is not None)
         return path
+
+    def _hybrid(self, goal: Pose, work: int) -> Path | None:
+        """A path by hybrid A*, its cells as fine as this much work allows."""
+        connector, limits, limit = self.connector, self.connector.robot.limits, work * _CHEAP
+        law, reversal = replace(connector, flows=True).law, limits.wheel_speed / limits.wheel_acceleration
+        steps, checked = np.zeros((0, 3)), 0
+        while checked < limit and len(steps) == 0 and self._angle >= _FINEST:
+            steps, more = hybrid_steps(
+                connector.world.kernel, law, np.array(self.start), np.array(goal), self._angle,
+                float(reversal.max()), limit - checked,
+            )  # fmt: skip
+            checked += max(more, _CHEAP)
+            if len(steps) or checked < limit:  # else the same cells, with more work the next time
+                self._angle /= 2
+        self.work += checked // _CHEAP
+        self._tell(HYBRID, False, None, checked, len(steps) > 0)
+        return as_path(np.array(self.start), steps, law.kind == LINE) if len(steps) else None
 
     def _tell(self, planner: str, guided: bool, seed: int | None, checked: int, solved: bool) -> None:
         self.tried.append({
