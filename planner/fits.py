@@ -53,7 +53,7 @@ def fit(law: Law, a: Array, b: Array, times: Array, steps: Array) -> None:
             first, last = steps[way, 0].any(), steps[way, 1].any()
             time = duration(timed, a[2], steps[way, int(not first) : 1 + int(last)])
             # A single arc is each of the other kinds, too.
-            times[way] = np.inf if _has(times, time) else time
+            times[way] = np.inf if np.abs(times - time).min() <= _TINY * time else time
 
 
 @kernel
@@ -65,12 +65,6 @@ def all_ways(law: Law, a: Array, b: Array, few: int, times: Array, steps: Array)
         times[few:], steps[few:] = np.inf, 0.0
         if law.kind != LINE:
             fit(law, a, b, times[few:], steps[few:])
-
-
-@kernel
-def _has(times: Array, time: float) -> bool:
-    """Whether one of times (n,) is the same but for rounding."""
-    return any(abs(other - time) <= _TINY * time for other in times)
 
 
 @kernel

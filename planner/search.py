@@ -68,8 +68,8 @@ so many reaches of the footprint and turning radii."""
 _OTHERS = 2
 """Other ways beside the first one."""
 _ANGLE, _FINEST, _CHEAP = 0.1, 1e-3, 8
-"""Of hybrid A*: its first cells, halved once all of them are looked at or led to the goal, and its last (rad); how many of its motions, which
-are short and compiled, take as long as one of OMPL's."""
+"""Of hybrid A*: its first cells, halved once all of them are looked at or led to the goal, and its last
+(rad); how many of its motions, which are short and compiled, take as long as one of OMPL's."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
