@@ -11,7 +11,7 @@ import numpy as np
 
 from drives.drive import Limits
 from drives.se2 import Pose
-from planner.connect import Connector, connector
+from planner.connect import Connector, connector, free_paths
 from planner.environment import CollisionWorld
 from planner.errors import LimitsInfeasible, NoPathExists, NoPathFound, TooManySamples
 from planner.guess import flowing_time, is_far, reversals
@@ -19,7 +19,7 @@ from planner.optimize import Optimizer
 from planner.path import Path
 from planner.problem import Problem
 from planner.retime import hastened
-from planner.search import Search
+from planner.search import HYBRID, Search
 from planner.shorten import shorten
 from planner.stopwatch import Stopwatch
 from planner.time_law import time_path
@@ -220,7 +220,7 @@ def _first(
     for planner, path in found():
         watch.lap("search")
         work = search.work
-        shorter = path if planner == "direct" else _quick(path, quick, search, watch)
+        shorter = path if planner == "direct" else _quick(path, quick, search, watch, planner == HYBRID)
         watch.lap("shorten")
         try:
             way = _Way(planner, shorter, path, _timed(problem, shorter))
@@ -267,7 +267,7 @@ def _ways(
         watch.lap("search")
         if (direct or count > 1) and watch.is_over():
             return
-        shorter = shorten(path, local, rough=True)
+        shorter = shorten(path, local, rough=True, fits=planner == HYBRID)
         watch.lap("shorten")
         yield _Way(planner, shorter, path)
         turns_back = turns_back and reversals(shorter) > 0
@@ -275,9 +275,9 @@ def _ways(
             return
 
 
-def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch) -> Path:
+def _quick(found: Path, quick: Connector, search: Search, watch: Stopwatch, fits: bool) -> Path:
     """A way found, shortened for effort first; where it is a detour, the best of it and a few others."""
-    path = shorten(found, quick)
+    path = shorten(found, quick, fits=fits)
     crow = math.dist(path[0].start[:2], path[-1].end[:2])
     if sum(piece.length for piece in path) <= _DETOUR * crow:
         return path
@@ -299,18 +299,7 @@ def _is_slow(direct: list[Path], problem: Problem, local: Connector, goals: list
 def _direct(start: Pose, local: Connector, goals: list[Pose]) -> Iterator[Path]:
     """The quickest free ways, by estimate, that need no search: a few, each checked when asked for."""
     tried = local.direct(np.repeat([start], len(goals), 0), np.array(goals))
-    ways = [
-        (float(time), motions, pair, way)
-        for motions in tried
-        for (pair, way), time in np.ndenumerate(motions.times)
-        if time < np.inf
-    ]
-    free = (
-        motions.path(pair, way)
-        for _, motions, pair, way in sorted(ways, key=lambda w: w[0])
-        if motions.free(slice(pair, pair + 1), slice(way, way + 1))[0, 0]
-    )
-    return islice(free, _DIRECT_CANDIDATES)
+    return islice(free_paths(tried), _DIRECT_CANDIDATES)
 
 
 def _refuse_if_separated(problem: Problem, world: CollisionWorld) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from drives.drive import Car, Holonomic, Unicycle
 from drives.se2 import Array
+from planner.curves import SEGMENTS
 from planner.edges import (
     CURVE,
     LINE,
@@ -28,22 +30,22 @@ from planner.edges import (
     duration,
     motions_between,
     motions_free,
+    next_free,
     step_times,
 )
 from planner.environment import CollisionWorld
 from planner.estimate import pace
+from planner.fits import fitted
 from planner.path import Path, as_path, as_steps
 from planner.problem import Options, Robot
 
-__all__ = ["Connector", "Motions", "connector"]
+__all__ = ["Connector", "Motions", "connector", "free_paths"]
 
 _COURSES, _FLAT = 72, 1e-3
 """Directions that speeds are compared in, and by what share a peak must stand out from those beside it."""
 
 _HEADINGS = 9
 """Of a line that turns, at which the angles of steered wheels are compared."""
-_BENT = 10.0
-"""How many times as long as the straight way a screw may be."""
 _WAYS, _SCALES = 16, (1.0, 1.5, 2.5, 4.0)
 """How many curves are as many as may be of use, and of which turning radii they are tried before any search,
 in units of the connector's."""
@@ -76,6 +78,25 @@ class Motions:
     def path(self, pair: int, way: int) -> Path:
         """The motion itself."""
         return as_path(self.start[pair], self.steps[pair, way], self.straight)
+
+
+def free_paths(tried: list[Motions]) -> Iterator[Path]:
+    """The motions that are free, the quickest first, each checked when asked for."""
+    times = np.concatenate([motions.times.ravel() for motions in tried])
+    order = np.argsort(times, kind="stable")
+    order = order[: np.searchsorted(times[order], np.inf)]
+    start, steps = np.empty((len(times), 3)), np.zeros((len(times), SEGMENTS, 3))
+    straight, at = np.empty(len(times), dtype=np.bool_), 0
+    for motions in tried:
+        pairs, ways, k, _ = motions.steps.shape
+        rows = slice(at, at + pairs * ways)
+        start[rows] = np.repeat(motions.start, ways, 0)
+        steps[rows, :k], straight[rows] = motions.steps.reshape(-1, k, 3), motions.straight
+        at = rows.stop
+    place = -1
+    while (place := next_free(tried[0].world.kernel, start, steps, straight, order, place + 1)) >= 0:
+        i = order[place]
+        yield as_path(start[i], steps[i], bool(straight[i]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +143,7 @@ class Connector(ABC):
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
         """All motions worth trying before any search."""
-        return [self.motions(a, b)]
+        return [self.motions(a, b), Motions(self.world, a, *fitted(self.law, a, b))]
 
     @cached_property
     def reversal(self) -> float:
@@ -168,12 +189,13 @@ class LineConnector(Connector):
         return self._fast[0]
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        lines, screws = self.motions(a, b), self._screws(a, b)
+        # Curves are worth a try if no line is free, or if lines take long to steer for.
+        lines, fits = self.motions(a, b), Motions(self.world, a, *fitted(self.law, a, b))
         steered = self._steered(a[:, 2], lines.steps[:, 0, 0])[:, None]
         worse = lines.free() & (steered <= lines.times)
         lines = replace(lines, times=np.maximum(lines.times, steered))
-        screws = replace(screws, times=np.where(worse, np.inf, screws.times))
-        return [lines, screws, *([self._rides(a, b)] if self.flows else [])]
+        fits = replace(fits, times=np.where(worse, np.inf, fits.times))
+        return [lines, fits, *([self._rides(a, b)] if self.flows else [])]
 
     def _steered(self, theta: Array, lines: Array) -> Array:
         """Time (n,) s that wheels are steered for, on lines (n, 3) from poses of headings theta (n,)."""
@@ -185,21 +207,6 @@ class LineConnector(Connector):
         wheel = travel[..., None] + 1j * lines[:, 2:, None] * (law.points[law.steered] @ [1.0, 1.0j])
         turned: Array = np.abs(np.angle(wheel[:, 1:] * np.conj(wheel[:, :-1]))).sum(1).max(1)
         return turned / limits.steering_rate
-
-    def _screws(self, a: Array, b: Array) -> Motions:
-        """Twists held all the way, the heading turning either way: the angles of steered wheels are
-        constant (Lynch and Park, 2017, sect. 3.3.3)."""
-        turn = _wrapped(b[:, 2] - a[:, 2])
-        turns = np.stack([turn, turn - np.copysign(math.tau, turn)], 1)
-        way = (b[:, :1] - a[:, :1]) + 1j * (b[:, 1:2] - a[:, 1:2])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            held = way * np.exp(-1j * (a[:, 2:] + turns / 2)) / np.sinc(turns / math.tau)
-        # A turn on the spot, and a straight way without a turn, are lines.
-        fits = (np.abs(way) > NOTHING) & (np.abs(turns) > NOTHING) & (np.abs(held) < _BENT * np.abs(way))
-        steps = np.where(fits[..., None], np.stack([held.real, held.imag, turns], -1), 0.0)
-        start = np.repeat(a[:, 2], 2)
-        times = step_times(self.law._replace(kind=CURVE), start, steps.reshape(-1, 3)).reshape(turns.shape)
-        return Motions(self.world, a, np.where(fits, times, np.inf), steps[:, :, None])
 
     @cached_property
     def _fast(self) -> tuple[Array, Array, float]:
@@ -294,7 +301,8 @@ class CurveConnector(Connector):
         return float(lean), float((OVERLAPPING if self.flows else 1.0) / limits.steering_rate)
 
     def direct(self, a: Array, b: Array) -> list[Motions]:
-        return [Motions(self.world, a, *motions_between(law, a, b, _WAYS)) for law in self._laws]
+        fits = Motions(self.world, a, *fitted(self.law, a, b))
+        return [*(Motions(self.world, a, *motions_between(law, a, b, _WAYS)) for law in self._laws), fits]
 
 
 def connector(robot: Robot, world: CollisionWorld, options: Options) -> Connector:

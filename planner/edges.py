@@ -44,6 +44,7 @@ __all__ = [
     "motions_between",
     "motions_free",
     "moved",
+    "next_free",
     "step_times",
     "ways_between",
 ]
@@ -292,6 +293,24 @@ def motions_free(world: World, start: Array, steps: Array, straight: bool) -> ND
         for way in range(steps.shape[1]):
             free[i, way] = motion_free(world, start[i], steps[i, way], straight)
     return free
+
+
+@kernel
+def next_free(
+    world: World,
+    start: Array,
+    steps: Array,
+    straight: NDArray[np.bool_],
+    order: NDArray[np.int64],
+    place: int,
+) -> int:
+    """The first place in `order`, from a given one on, of a motion that is free, -1: none. Motions of steps
+    (n, k, 3) from poses start (n, 3); straight (n,): whether they are lines."""
+    for p in range(place, len(order)):
+        i = order[p]
+        if motion_free(world, start[i], steps[i], straight[i]):
+            return p
+    return -1
 
 
 @kernel

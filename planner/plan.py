@@ -17,6 +17,7 @@ from planner.collision import CONTACT
 from planner.connect import Connector, connector
 from planner.environment import CollisionWorld
 from planner.errors import AuditFailed, LimitsInfeasible, PoseInCollision, PoseOutOfBounds
+from planner.headings import goal_headings
 from planner.kernels import make_ready
 from planner.problem import Problem, Robot
 from planner.schedule import WheelSchedule, schedule, standstill
@@ -26,8 +27,9 @@ from planner.verify import Certificate, verify
 
 __all__ = ["Plan", "plan"]
 
-_HEADINGS = 16
-_SAME = 1e-9
+_SAME, _NEAR, _INSTANT = 1e-9, 1e-6, 1e-4
+"""A goal nearer than _SAME (m, rad) is the start. If it is nearer than _NEAR, the robot stands for _INSTANT
+(s): the certificate allows a miss of 0.5 mm, and a car would drive a full circle to end 1 nm behind."""
 _SWING = 0.6
 """How far (rad) trailing wheels may swing from one sample to the next."""
 
@@ -60,8 +62,10 @@ def plan(problem: Problem, improved: Callable[[Plan], None] | None = None) -> Pl
         problem.environment, robot.footprint, options.min_clearance, robot.drive.fixed_body_heading
     )
     goals = _goals(problem, world)
-    if any(_same(problem.start, goal) for goal in goals):
-        return _standing(problem, world, watch)
+    apart = min(_apart(problem.start, goal) for goal in goals)
+    if apart < _NEAR:
+        instant = 0.0 if apart < _SAME else min(_INSTANT, options.sample_period)
+        return _standing(problem, world, watch, instant)
     local = connector(robot, world, options)
     watch.lap("prepare")
     best: Plan | None = None
@@ -138,12 +142,11 @@ def _goals(problem: Problem, world: CollisionWorld) -> list[Pose]:
     _check("start", start, world, problem.options.min_clearance)
     if goal.theta is not None:
         poses = [Pose(goal.x, goal.y, goal.theta)]
-    elif math.hypot(goal.x - start.x, goal.y - start.y) < _SAME:
-        poses = [start]
+    elif math.hypot(goal.x - start.x, goal.y - start.y) < _NEAR:
+        poses = [Pose(goal.x, goal.y, start.theta)]
     else:
-        course = math.atan2(goal.y - start.y, goal.x - start.x)
-        headings = [course, start.theta, *(course + math.tau * k / _HEADINGS for k in range(1, _HEADINGS))]
-        poses = [Pose(goal.x, goal.y, theta) for theta in headings]
+        headings = goal_headings(world, start, goal.x, goal.y)
+        poses = [Pose(goal.x, goal.y, theta) for theta in dict.fromkeys(headings)]
     free = [pose for pose in poses if world.is_free(pose)]
     if not free:
         _check("goal", max(poses, key=lambda p: float(world.clearance(np.array([p]))[0])), world,
@@ -166,26 +169,22 @@ def _check(which: Any, pose: Pose, world: CollisionWorld, min_clearance: float) 
         raise PoseInCollision(which, why, pose, clearance - min_clearance)
 
 
-def _same(a: Pose, b: Pose) -> bool:
-    return math.hypot(a.x - b.x, a.y - b.y) < _SAME and abs(wrap(a.theta - b.theta)) < _SAME
+def _apart(a: Pose, b: Pose) -> float:
+    """The larger of the distance (m) and the angle (rad) between two poses."""
+    return max(math.hypot(a.x - b.x, a.y - b.y), abs(wrap(a.theta - b.theta)))
 
 
-def _standing(problem: Problem, world: CollisionWorld, watch: Stopwatch) -> Plan:
+def _standing(problem: Problem, world: CollisionWorld, watch: Stopwatch, duration: float) -> Plan:
     drive, start = problem.robot.drive, problem.start
     steering = problem.steering
     if steering is None:
         still = BodyPath(np.zeros(1), np.array([start.theta]), np.zeros((1, 3)), np.zeros((1, 3)))
         steering = drive.actuators(still).steering[0]
-    made = standstill(np.array(start), len(drive.wheel_names), steering)
+    made = standstill(np.array(start), len(drive.wheel_names), steering, duration)
     certificate = verify(problem, made, world)
     watch.lap("verify")
-    return Plan(
-        0.0,
-        0.0,
-        made,
-        certificate,
-        _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0, refused=0),
-    )
+    about = _planning(problem, watch, planner="none", state_space="SE2", optimized=False, stops=0, refused=0)
+    return Plan(duration, 0.0, made, certificate, about)
 
 
 def _planning(problem: Problem, watch: Stopwatch, **about: Any) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from drives.se2 import Array
 from planner.collision import World
 from planner.connect import Connector
 from planner.curves import SEGMENTS
-from planner.edges import CURVE, LINE, Law, bound, motion_free, step_times, ways_between
+from planner.edges import CURVE, LINE, Law, bound, motion_free, step_times
+from planner.fits import FITS, all_ways
 from planner.kernels import kernel
 from planner.path import Path, as_path
 
@@ -33,6 +34,7 @@ def quickest_path(poses: Array, reach: int, connector: Connector, ways: int) -> 
         reach,
         connector.ways(ways),
         *_NONE,
+        False,
     )
     return as_path(poses[0], steps, connector.law.kind == LINE) if found else None
 
@@ -40,7 +42,7 @@ def quickest_path(poses: Array, reach: int, connector: Connector, ways: int) -> 
 @kernel
 def quickest_steps(
     world: World, law: Law, poses: Array, station: NDArray[np.int64], reach: int, ways: int,
-    begin: Array, own: Array, place: NDArray[np.int64],
+    begin: Array, own: Array, place: NDArray[np.int64], fits: bool,
 ) -> tuple[Array, bool]:  # fmt: skip
     """The steps (k, 3) of the quickest free path, by estimate, from the first pose to the last by the
     motions of a law, and whether there is one.
@@ -50,8 +52,10 @@ def quickest_steps(
     tried.
     begin, own, place: a free path that leads by the first pose at each station: its steps own (m, 3), where
     these begin, begin (m, 3), and which of those begins (stations,) are the stations; empty: there is none.
+    fits: whether twists whose radii fit are tried, too (see planner.fits); they are not lines.
     """
-    n, straight = len(poses), law.kind == LINE
+    n, straight, few = len(poses), law.kind == LINE, ways
+    ways = few + FITS if fits else few
     # A path may arrive backwards or forwards: where changes of direction cost nothing, no matter which.
     heads = 1 if straight or law.reversal == 0.0 else 2
     own_times = step_times(law, begin[:, 2], own)
@@ -67,7 +71,7 @@ def quickest_steps(
         for i in range(low, high):
             times[i], known[i], told[i] = np.inf, False, law.kind != CURVE
             if told[i]:
-                ways_between(law, poses[i], poses[j], times[i], steps[i])
+                all_ways(law, poses[i], poses[j], few, times[i, :ways], steps[i])
                 if heads == 2:
                     _mark(steps[i], ends[i])
             else:
@@ -108,7 +112,7 @@ def quickest_steps(
                         times[e, way] = np.inf
                 else:
                     last = times[e, ways]
-                    ways_between(law, poses[e], poses[j], times[e], steps[e])
+                    all_ways(law, poses[e], poses[j], few, times[e, :ways], steps[e])
                     times[e, ways], told[e] = last, True
                     if heads == 2:
                         _mark(steps[e], ends[e])

@@ -71,21 +71,13 @@ def sample_times(duration: float, period: float) -> Array:
     return time
 
 
-def standstill(pose: Array, wheels: int, steering: Array) -> WheelSchedule:
-    """The single sample of a robot that is where it should be: pose (3,), steering (k,)."""
-    rest, still = np.zeros((1, wheels)), np.zeros((1, len(steering)))
-    return _frozen(
-        WheelSchedule(
-            np.zeros(1),
-            rest,
-            rest,
-            rest,
-            np.array(steering)[None],
-            still,
-            np.array(pose)[None],
-            np.zeros((1, 3)),
-        )
-    )
+def standstill(pose: Array, wheels: int, steering: Array, duration: float = 0.0) -> WheelSchedule:
+    """A robot that stands at pose (3,), its wheels steered by steering (k,), for a duration (s) of at most
+    one period: two samples, or a single one if the duration is 0."""
+    time = np.array([0.0, duration] if duration > 0 else [0.0])
+    rest, still = np.zeros((len(time), wheels)), np.zeros((len(time), len(steering)))
+    poses, angles = np.tile(pose, (len(time), 1)), np.tile(steering, (len(time), 1))
+    return _frozen(WheelSchedule(time, rest, rest, rest, angles, still, poses, np.zeros((len(time), 3))))
 
 
 def _frozen(out: WheelSchedule) -> WheelSchedule:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -25,12 +26,13 @@ from planner.connect import Connector
 from planner.curves import SEGMENTS
 from planner.edges import LINE, joined
 from planner.guide import Guide
+from planner.hybrid import hybrid_steps
 from planner.path import Path, as_path
-from planner.problem import Environment, MapLayer
+from planner.problem import Environment, Footprint, MapLayer
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
 
-__all__ = ["Search"]
+__all__ = ["HYBRID", "Search"]
 
 ou.setLogLevel(ou.LOG_NONE)
 
@@ -40,18 +42,22 @@ Area: TypeAlias = tuple[float, float, float, float]
 _OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
 
 
+HYBRID = "HybridAStar"
 _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 150, False),
     ("RRTConnect", 2_000, True),
+    (HYBRID, 1_000, False),
     ("RRTConnect", 2_000, True),
+    (HYBRID, 4_000, False),
     ("BKPIECE1", 4_000, False),
     ("RRTConnect", 16_000, True),
     ("RRTConnect", 16_000, False),
     ("BKPIECE1", 16_000, False),
+    (HYBRID, 8_000, False),
 )
 """Planners in turn, each with the number of motions it may check and whether it follows a route; the last
 _REPEATED of them repeat, with twice as many each time."""
-_REPEATED = 3
+_REPEATED = 4
 _ROADMAP = "roadmap"
 _EVERY, _REACH, _WAYS = 1.5, 8, 2
 """Of poses along a route itself: how far apart they are, in reaches of the footprint, how many of them
@@ -61,6 +67,9 @@ _WIDER, _REACHES = 0.5, 6.0
 so many reaches of the footprint and turning radii."""
 _OTHERS = 2
 """Other ways beside the first one."""
+_ANGLE, _FINEST, _CHEAP = 0.1, 1e-3, 8
+"""Of hybrid A*: its first cells, halved once all of them are looked at or led to the goal, and its last
+(rad); how many of its motions, which are short and compiled, take as long as one of OMPL's."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -105,8 +114,9 @@ class Search:
         doubt: Callable[[], None] = lambda: None,
     ) -> None:
         self.connector, self.start, self.goals, self.seed, self.doubt = connector, start, goals, seed, doubt
-        self.area = _area(environment)
+        self.area = _area(environment, _off(connector.robot.footprint))
         self._guides: dict[Pose, Guide] = {}
+        self._angle = _ANGLE
         self.work = 0
         """Motions checked so far."""
         self.allowance: int | None = None
@@ -123,12 +133,12 @@ class Search:
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
             work *= 2**again
-            if not self.connector.reverse:
+            if not self.connector.reverse and name != HYBRID:
                 name = _TURNS[0][0]  # BKPIECE1 takes motions to be as free the other way round
             # Routes that lead nowhere are not followed again once another search has found a way.
             guided = guided and not (found and self._is_misled())
             more = found and self.allowance is not None
-            if more and not guided:
+            if more and not guided and name != HYBRID:
                 # Other ways are found by chance, at once, rather than by patience.
                 name, work, _ = _TURNS[0]
             if self.allowance is not None:
@@ -142,6 +152,8 @@ class Search:
             path = self._along_route(route, goal) if route is not None and not found else None
             if path is not None:
                 name = _ROADMAP
+            elif name == HYBRID:
+                path = self._hybrid(goal, work)
             else:
                 path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, turn == 1 or more)
             if path is not None:
@@ -176,6 +188,23 @@ class Search:
         self.work += checked
         self._tell(_ROADMAP, True, None, checked, path is not None)
         return path
+
+    def _hybrid(self, goal: Pose, work: int) -> Path | None:
+        """A path by hybrid A*, its cells as fine as this much work allows."""
+        connector, limits, limit = self.connector, self.connector.robot.limits, work * _CHEAP
+        law, reversal = replace(connector, flows=True).law, limits.wheel_speed / limits.wheel_acceleration
+        steps, checked = np.zeros((0, 3)), 0
+        while checked < limit and len(steps) == 0 and self._angle >= _FINEST:
+            steps, more = hybrid_steps(
+                connector.world.kernel, law, np.array(self.start), np.array(goal), self._angle,
+                float(reversal.max()), limit - checked,
+            )  # fmt: skip
+            checked += max(more, _CHEAP)
+            if len(steps) or checked < limit:  # else the same cells, with more work the next time
+                self._angle /= 2
+        self.work += checked // _CHEAP
+        self._tell(HYBRID, False, None, checked, len(steps) > 0)
+        return as_path(np.array(self.start), steps, law.kind == LINE) if len(steps) else None
 
     def _tell(self, planner: str, guided: bool, seed: int | None, checked: int, solved: bool) -> None:
         self.tried.append({
@@ -296,8 +325,9 @@ class Search:
         return as_path(np.array(self.start), taken[taken.any(1)], self.connector.law.kind == LINE)
 
 
-def _area(environment: Environment) -> Area:
-    """x_min, y_min, x_max, y_max (m, world frame) around where poses may be."""
+def _area(environment: Environment, off: float) -> Area:
+    """x_min, y_min, x_max, y_max (m, world frame) around where a body origin may be that lies `off` m outside
+    its footprint."""
     layer, bounds = environment.map, environment.bounds
     box = (-math.inf, -math.inf, math.inf, math.inf)
     if layer is not None:
@@ -306,14 +336,25 @@ def _area(environment: Environment) -> Area:
         corners = [compose(layer.origin, Pose(x, y, 0.0)) for x in (0.0, right) for y in (0.0, top)]
         xs, ys = [c.x for c in corners], [c.y for c in corners]
         box = (min(xs), min(ys), max(xs), max(ys))
-    if bounds is None:
-        return box
-    return (
-        max(box[0], bounds.x_min),
-        max(box[1], bounds.y_min),
-        min(box[2], bounds.x_max),
-        min(box[3], bounds.y_max),
-    )
+    if bounds is not None:
+        box = (
+            max(box[0], bounds.x_min),
+            max(box[1], bounds.y_min),
+            min(box[2], bounds.x_max),
+            min(box[3], bounds.y_max),
+        )
+    return box[0] - off, box[1] - off, box[2] + off, box[3] + off
+
+
+def _off(footprint: Footprint) -> float:
+    """Distance (m) from the body origin to the footprint; 0 if it is inside."""
+    corner = footprint.vertices @ np.array([1.0, 1j])
+    side = np.roll(corner, -1) - corner
+    if abs(np.angle((corner + side) * corner.conj()).sum()) > math.pi:  # the sides go round the origin
+        return 0.0
+    share = -(corner * side.conj()).real / np.maximum(np.abs(side) ** 2, 1e-300)
+    nearest = np.abs(corner + np.clip(share, 0.0, 1.0) * side).min()
+    return max(0.0, float(nearest) - footprint.radius)
 
 
 @lru_cache(maxsize=8)

@@ -28,9 +28,10 @@ _GAIN = 0.995
 """A round that leaves more than this share of the time was the last."""
 
 
-def shorten(path: Path, connector: Connector, rough: bool = False) -> Path:
+def shorten(path: Path, connector: Connector, rough: bool = False, fits: bool = False) -> Path:
     """The quickest path, by estimate, that joins some of the poses along the given one by the connector's
-    motions. rough: in a third of the time, for a way that is optimized or dropped.
+    motions. rough: in a third of the time, for a way that is optimized or dropped. fits: by arcs of other
+    radii than the connector's, too, for a way through narrow passages.
 
     Start and end stay, the end's heading up to whole turns. The result is free if the path is.
     """
@@ -40,7 +41,7 @@ def shorten(path: Path, connector: Connector, rough: bool = False) -> Path:
     turns = connector.flows and not connector.steers
     shorter = _shortened(
         connector.world.kernel, connector.law, start[0], steps, count, rounds, connector.ways(_WAYS),
-        turns, connector.fast_directions if turns else np.zeros(0),
+        turns, connector.fast_directions if turns else np.zeros(0), fits and not straight,
     )  # fmt: skip
     return as_path(start[0], shorter, straight)
 
@@ -48,12 +49,12 @@ def shorten(path: Path, connector: Connector, rough: bool = False) -> Path:
 @kernel
 def _shortened(
     world: World, law: Law, start: Array, steps: Array, count: int, rounds: Array, ways: int, turns: bool,
-    fast: Array,
+    fast: Array, fits: bool,
 ) -> Array:  # fmt: skip
     """The steps of a quicker path from a pose (3,) than steps (k, 3), or those."""
     best, time = steps, duration(law, start[2], steps)
     for share in rounds:
-        shorter = _shortcut(world, law, start, best, count, share, ways, turns, fast)
+        shorter = _shortcut(world, law, start, best, count, share, ways, turns, fast, fits)
         quicker = duration(law, start[2], shorter)
         if quicker < time:
             best = shorter
@@ -66,7 +67,7 @@ def _shortened(
 @kernel
 def _shortcut(
     world: World, law: Law, start: Array, steps: Array, count: int, share: float, ways: int, turns: bool,
-    fast: Array,
+    fast: Array, fits: bool,
 ) -> Array:  # fmt: skip
     at = np.zeros(len(steps) + 1)
     for k in range(len(steps)):
@@ -78,7 +79,7 @@ def _shortcut(
     if turns:
         poses, station = _turned(poses, fast)
     reach = count // _NEAR if share > 0.0 else len(place)
-    shorter, _ = quickest_steps(world, law, poses, station, reach, ways, begin[:-1], own, place)
+    shorter, _ = quickest_steps(world, law, poses, station, reach, ways, begin[:-1], own, place, fits)
     return shorter
 
 
