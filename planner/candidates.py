@@ -39,6 +39,8 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
+_WINDING = 6
+"""Pieces of a way found by chance from which on hybrid A* looks for another."""
 _DETOUR = 1.5
 """At effort first, how much longer than the crow flies a way is where others are looked for."""
 _OVER, _HOPE = 1.05, 0.97
@@ -132,6 +134,7 @@ def _good(
     times = {way: flowing_time(way.path, drive, limits) for way in ways}
     ways = sorted(ways, key=times.__getitem__)
     flowed: dict[_Way, Candidate] = {}
+    stuck: list[_Way] = []
     best: _Way | None = None
     for way in ways[:_GOOD_TRIES]:
         if watch.is_over(optimizer.longest):
@@ -147,9 +150,15 @@ def _good(
             (flowed[way],) = faster
             if best is None or _duration(flowed[way]) < _duration(flowed[best]):
                 best = way
+        else:
+            stuck.append(way)
     assert first.timed is not None
     stopping = first.stopping(first.timed)
-    yield _hastened([stopping, *flowed.values()], limits, watch)
+    # A way that cannot be made to flow may still be the quickest.
+    most = _duration(stopping) if best is None else min(_duration(stopping), _duration(flowed[best]))
+    others = [_stopping(problem, way, watch) for way in stuck if best is not None and times[way] < most]
+    found = [stopping, *flowed.values(), *(each for each in others if each is not None)]
+    yield _hastened(sorted(found, key=_duration), limits, watch)
     patient = replace(optimizer, iterations=_PATIENCE)
     # What its check refuses would be found again.
     for way in [way for way in ways[:_GOOD_TRIES] if way not in flowed]:
@@ -270,6 +279,13 @@ def _ways(
         shorter = shorten(path, local, rough=True, fits=planner == HYBRID)
         watch.lap("shorten")
         yield _Way(planner, shorter, path)
+        if count == 1 and not direct and planner != HYBRID and len(shorter) > _WINDING:
+            # A passage that takes so many pieces is narrow.
+            narrow = search.narrow(_WORK)
+            watch.lap("search")
+            if narrow is not None:
+                yield _Way(HYBRID, shorten(narrow, local, fits=True), narrow)
+                watch.lap("shorten")
         turns_back = turns_back and reversals(shorter) > 0
         if count >= (most if turns_back else few):
             return

@@ -189,6 +189,14 @@ class Search:
         self._tell(_ROADMAP, True, None, checked, path is not None)
         return path
 
+    def narrow(self, work: int) -> Path | None:
+        """A path through narrow passages, by as much work at most. It does not count against the allowance."""
+        before = self.work
+        path = self._hybrid(self.goals[0], work)
+        if self.allowance is not None:
+            self.allowance += self.work - before
+        return path
+
     def _hybrid(self, goal: Pose, work: int) -> Path | None:
         """A path by hybrid A*, its cells as fine as this much work allows."""
         connector, limits, limit = self.connector, self.connector.robot.limits, work * _CHEAP
