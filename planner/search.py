@@ -190,7 +190,7 @@ class Search:
         return path
 
     def narrow(self, work: int) -> Path | None:
-        """A path through narrow passages, by as much work at most. It does not count against the allowance."""
+        """A path through narrow passages, by as much work at most, which the allowance does not include."""
         before = self.work
         path = self._hybrid(self.goals[0], work)
         if self.allowance is not None:
