@@ -197,7 +197,10 @@ def _table(most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 @kernel
 def _place(table: NDArray[np.int64], key: int) -> int:
     mask = len(table) - 1
-    place = ((key ^ (key >> 29)) * 11400714819323198 ^ (key >> 17)) & mask
+    # Neighbouring cells must not have neighbouring places: every bit of the key counts (Steele, 2014).
+    mixed = (key ^ (key >> 32)) * 0x7FB5D329728EA185
+    mixed = (mixed ^ (mixed >> 29)) * 0x1DADEF4BC2DD44D5
+    place = (mixed ^ (mixed >> 32)) & mask
     while table[place] != -1 and table[place] != key:
         place = (place + 1) & mask
     return int(place)

@@ -31,6 +31,7 @@ from planner.path import Path, as_path
 from planner.problem import Environment, Footprint, MapLayer
 from planner.roadmap import quickest_path
 from planner.route import Route, route_poses
+from planner.stopwatch import now
 
 __all__ = ["HYBRID", "Search"]
 
@@ -70,6 +71,8 @@ _OTHERS = 2
 _ANGLE, _FINEST, _CHEAP = 0.1, 1e-3, 8
 """Of hybrid A*: its first cells, halved once all of them are looked at or led to the goal, and its last
 (rad); how many of its motions, which are short and compiled, take as long as one of OMPL's."""
+_SLICE = 500
+"""How many of them are checked to see how long one takes."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -117,6 +120,7 @@ class Search:
         self.area = _area(environment, _off(connector.robot.footprint))
         self._guides: dict[Pose, Guide] = {}
         self._angle = _ANGLE
+        self._pace = 0.0
         self.work = 0
         """Motions checked so far."""
         self.allowance: int | None = None
@@ -153,7 +157,7 @@ class Search:
             if path is not None:
                 name = _ROADMAP
             elif name == HYBRID:
-                path = self._hybrid(goal, work)
+                path = self._hybrid(goal, work, clock)
             else:
                 path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, turn == 1 or more)
             if path is not None:
@@ -189,26 +193,32 @@ class Search:
         self._tell(_ROADMAP, True, None, checked, path is not None)
         return path
 
-    def narrow(self, work: int) -> Path | None:
+    def narrow(self, work: int, clock: Any) -> Path | None:
         """A path through narrow passages, by as much work at most, which the allowance does not include."""
         before = self.work
-        path = self._hybrid(self.goals[0], work)
+        path = self._hybrid(self.goals[0], work, clock)
         if self.allowance is not None:
             self.allowance += self.work - before
         return path
 
-    def _hybrid(self, goal: Pose, work: int) -> Path | None:
-        """A path by hybrid A*, its cells as fine as this much work allows."""
+    def _hybrid(self, goal: Pose, work: int, clock: Any) -> Path | None:
+        """A path by hybrid A*, its cells as fine as this much work allows, and clock(s) leaves time for."""
         connector, limits, limit = self.connector, self.connector.robot.limits, work * _CHEAP
         law, reversal = replace(connector, flows=True).law, limits.wheel_speed / limits.wheel_acceleration
-        steps, checked = np.zeros((0, 3)), 0
-        while checked < limit and len(steps) == 0 and self._angle >= _FINEST:
+        steps, checked, is_late = np.zeros((0, 3)), 0, False
+        while checked < limit and len(steps) == 0 and self._angle >= _FINEST and not is_late:
+            allowed, begin = limit - checked, now()
+            if self._pace == 0.0:
+                allowed = min(allowed, _SLICE)
+            while allowed > _SLICE and clock(allowed * self._pace):
+                allowed, is_late = allowed // 2, True
             steps, more = hybrid_steps(
                 connector.world.kernel, law, np.array(self.start), np.array(goal), self._angle,
-                float(reversal.max()), limit - checked,
+                float(reversal.max()), allowed,
             )  # fmt: skip
+            self._pace = (now() - begin) / max(more, _SLICE)
             checked += max(more, _CHEAP)
-            if len(steps) or checked < limit:  # else the same cells, with more work the next time
+            if len(steps) or more < allowed:  # else the same cells, with more work the next time
                 self._angle /= 2
         self.work += checked // _CHEAP
         self._tell(HYBRID, False, None, checked, len(steps) > 0)
