@@ -30,6 +30,8 @@ __all__ = ["on_grid", "phase_on_grid"]
 
 _TRIES = 16
 """How often a phase is slowed down at most."""
+_SLOWEST, _SLOWEST_FLOWING = 100.0, 4.0
+"""How many times as long a phase may take on the grid, and a Flowing one, in whose place another may do."""
 _EXACT, _SPARE = 2e-4, 1e-4
 """Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
 _LOCAL, _MUCH = 0.5, 0.001
@@ -75,7 +77,11 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
     factor, rolls = math.inf, _ROLLS
     before: tuple[Pace, float] | None = None
     locally = True
+    slowest = _SLOWEST_FLOWING if isinstance(given, Flowing) else _SLOWEST
+    longest = slowest * max(phase.duration, least * period)
     for _ in range(_TRIES):
+        if pace.duration > longest:
+            break
         time = _times(pace.duration, period, whole or jerk_limited, least)
         pace = pace.slowed(time[-1] / pace.duration)
         spread = Spread(phase, time, pace, drive, jerk_limited, aim)
