@@ -34,7 +34,8 @@ _NEAR = 0.5
 """The goal is tried from poses less than this share of the way from the start to it, or _WITHIN strides."""
 _WITHIN, _EVERY = 16.0, 16
 """And from every so many of the others."""
-_WAYS = 2
+_WAYS, _WAYS_WORK = 2, 8
+"""Ways to the goal beside those whose radii fit, and how many checks of motions take as long as all of them."""
 
 
 @kernel
@@ -79,6 +80,7 @@ def hybrid_steps(
         distance = _distance(pose[i], goal)
         if distance < max(_NEAR * whole, _WITHIN * stride) or popped % _EVERY == 1:
             all_ways(law, pose[i], goal, _WAYS, times, ways)
+            checked += _WAYS_WORK
             for _ in range(len(times)):
                 way = int(np.argmin(times))
                 time = cost[i] + times[way] + _change(law, step[i], ways[way, 0], reversal)

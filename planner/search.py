@@ -71,8 +71,8 @@ _OTHERS = 2
 _ANGLE, _FINEST, _CHEAP = 0.1, 1e-3, 8
 """Of hybrid A*: its first cells, halved once all of them are looked at or led to the goal, and its last
 (rad); how many of its motions, which are short and compiled, take as long as one of OMPL's."""
-_SLICE = 500
-"""How many of them are checked to see how long one takes."""
+_SLICE, _MOST = 500, 64_000
+"""How many of them are checked to see how long one takes, and how many at most before others search."""
 _STRIDE, _STEP, _BEYOND, _LEAST = 12.0, 1.0, 2.0, 1e-4
 """In reaches of the footprint: the longest motion along a route, and of BKPIECE1, which works its way out of
 slots by many small ones; room for poses past a route's ends."""
@@ -203,7 +203,7 @@ class Search:
 
     def _hybrid(self, goal: Pose, work: int, clock: Any) -> Path | None:
         """A path by hybrid A*, its cells as fine as this much work allows, and clock(s) leaves time for."""
-        connector, limits, limit = self.connector, self.connector.robot.limits, work * _CHEAP
+        connector, limits, limit = self.connector, self.connector.robot.limits, min(work * _CHEAP, _MOST)
         law, reversal = replace(connector, flows=True).law, limits.wheel_speed / limits.wheel_acceleration
         steps, checked, is_late = np.zeros((0, 3)), 0, False
         while checked < limit and len(steps) == 0 and self._angle >= _FINEST and not is_late:
