@@ -35,7 +35,7 @@ _NEAR = 0.5
 _WITHIN, _EVERY = 16.0, 16
 """And from every so many of the others."""
 _WAYS, _WAYS_WORK = 2, 8
-"""Ways to the goal beside those whose radii fit, and how many checks of motions take as long as all of them."""
+"""Ways to the goal beside those whose radii fit, and how many checks of motions all of them cost."""
 
 
 @kernel

@@ -284,6 +284,7 @@ EXAMPLES = [
     NoPathExists("a wall", {"method": "separation", "width": 0.0}),
     NoPathFound("time is up", [{"planner": "RRTConnect", "outcome": "not solved"}]),
     LimitsInfeasible("too slow"),
+    TooManySamples(5000.0, 0.02, 200_000),
     AuditFailed("it slips", {"slip": 1.0}, ["the slip is 1 m/s"]),
 ]
 

@@ -83,7 +83,7 @@ def test_what_is_known_to_be_free_is_taken_where_no_motion_is(robot: Callable[..
 
     def turned(half: float) -> float:
         asked = local(robot("differential"), Environment(Bounds(-half, -half, half, half)))
-        steps, found = quickest_steps(asked.world.kernel, asked.law, poses, np.arange(2), 2, 2, *known)
+        steps, found = quickest_steps(asked.world.kernel, asked.law, poses, np.arange(2), 2, 2, *known, False)
         assert found
         return float(steps[:, 2].sum())
 
@@ -107,7 +107,7 @@ def test_of_poses_at_one_station_the_best_is_passed(robot: Callable[..., Robot],
     poses = np.array([[0.0, 0.0, 0.0], [0.8, 0.5, 2.0], on_the_way, [0.8, -0.5, -2.0], [1.6, 0.0, 0.0]])
     station = np.array([0, 1, 1, 1, 2])
     none = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64)
-    steps, found = quickest_steps(asked.world.kernel, asked.law, poses, station, 1, 2, *none)
+    steps, found = quickest_steps(asked.world.kernel, asked.law, poses, station, 1, 2, *none, False)
     assert found
     np.testing.assert_allclose(steps, [[1.6, 0.0, 0.0]], atol=1e-9)
 
