@@ -32,7 +32,8 @@ def test_it_leads_round_a_narrow_corner(robot: Callable[..., Robot], kind: str) 
     world = CollisionWorld.build(corner(), given.footprint)
     local = connector(given, world, Options(effort="good"))
     start, goal = Pose(0.0, 0.0, 0.0), Pose(2.0, 3.0, math.pi / 2)
-    asked = world.kernel, local.law, np.array(start), np.array(goal), 0.2 if kind == "mecanum" else 0.1, 1.0, 100_000
+    cell = 0.2 if kind == "mecanum" else 0.1
+    asked = world.kernel, local.law, np.array(start), np.array(goal), cell, 1.0, 100_000
     steps, checked = hybrid_steps(*asked)
     assert 0 < checked <= 100_100
     path = as_path(np.array(start), steps, kind == "mecanum")
