@@ -36,13 +36,13 @@ def search(problem: Problem, *goals: tuple[float, float, float], seed: int = 3) 
 def clock(looks: int) -> Callable[[], bool]:
     """Says that time is up once it has been looked at so many times: the same on any machine."""
     count = itertools.count()
-    return lambda: next(count) >= looks
+    return lambda *_: next(count) >= looks
 
 
 def first(asked: Search, count: int) -> list[Path]:
     """The first paths found, within a time that is ample but ends."""
     end = time.monotonic() + 60.0
-    found = [path for _, path in itertools.islice(asked.paths(lambda: time.monotonic() > end), count)]
+    found = [path for _, path in itertools.islice(asked.paths(lambda *_: time.monotonic() > end), count)]
     assert len(found) == count, asked.tried
     return found
 
@@ -128,7 +128,7 @@ def test_the_goal_outside_the_box_is_the_one_reached(ask: Ask) -> None:
 
 def test_no_time_no_turn(ask: Ask, clutter: Environment) -> None:
     asked = search(ask("omni", START, GOAL, clutter), GOAL)
-    assert list(asked.paths(lambda: True)) == []
+    assert list(asked.paths(lambda *_: True)) == []
     assert asked.tried == []
 
 
@@ -138,7 +138,7 @@ def test_others_are_free_and_not_the_same(ask: Ask, clutter: Environment, kind: 
     others = 0
     for seed in range(6):
         asked = search(problem, GOAL, seed=seed)
-        found = [*first(asked, 1), *asked.others(lambda: False)]
+        found = [*first(asked, 1), *asked.others(lambda *_: False)]
         assert len(set(found)) == len(found)
         others += len(found) - 1
         for path in found:
@@ -167,11 +167,11 @@ def test_doubts_are_told_after_the_first_search_failed(ask: Ask, clutter: Enviro
     asked = search(problem, (0.0, 0.0, 0.0))
     asked.doubt = doubt
     with pytest.raises(RuntimeError):
-        next(asked.paths(lambda: False))
+        next(asked.paths(lambda *_: False))
     assert len(asked.tried) == 1
     asked = search(ask("omni", START, GOAL, clutter), GOAL)
     asked.doubt = doubt
-    next(asked.paths(lambda: False))
+    next(asked.paths(lambda *_: False))
 
 
 # ---------------------------------------------------------------- shortening
