@@ -34,7 +34,7 @@ def standing(problem):
     """The plan of a robot that is where it should be: in every format there is something of it to tell."""
     still = standstill(np.array(problem.start), 2, np.zeros(2))
     certificate = Certificate(**dict.fromkeys((f.name for f in fields(Certificate)), 0.0))
-    return Plan(0.0, 0.0, still, certificate, {"planner": "none", "seed": 7})
+    return Plan(0.0, 0.0, still, certificate, {"planner": "none", "seed": 7, "refused": 0})
 
 
 @pytest.mark.parametrize("name", FORMATS)
