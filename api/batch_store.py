@@ -11,7 +11,7 @@ import shutil
 import threading
 import time
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -48,6 +48,11 @@ class Record:
     cancelled: _Count = 0
     size: _Count = 0
     finished: _Time | None = None
+
+    def become(self, other: Record) -> None:
+        """Takes over what another record of the same batch says."""
+        for each in fields(other):
+            setattr(self, each.name, getattr(other, each.name))
 
 
 _RECORDS = TypeAdapter(Record)

@@ -10,7 +10,7 @@ import uuid
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
@@ -283,18 +283,21 @@ class Batches:
             lines, batch.lines = batch.lines, []
             if not lines or batch.record.finished is not None:
                 return
+            kept = replace(batch.record)
             try:
-                await asyncio.to_thread(self._keep, batch, lines)
+                await asyncio.to_thread(self._keep, batch, kept, lines)
             except OSError as error:
+                batch.record.become(kept)
                 log(event="results of a batch cannot be kept", batch=batch.record.id, error=repr(error))
                 await self._finish(batch)
             else:
+                # Nobody is told of a result before it is on disk.
+                batch.record.become(kept)
                 if batch.record.done + batch.record.failed == batch.record.total:
                     await self._finish(batch)
                 batch.tell()
 
-    def _keep(self, batch: _Batch, lines: list[tuple[bool, bytes]]) -> None:
-        record = batch.record
+    def _keep(self, batch: _Batch, record: Record, lines: list[tuple[bool, bytes]]) -> None:
         try:
             for plan, line in lines:
                 self._store.append(record, batch.results, line)

@@ -513,3 +513,22 @@ def test_while_nothing_comes_an_empty_line_tells_that_the_batch_runs(tmp_path, m
         await batches.close()
 
     asyncio.run(asyncio.wait_for(main(), 20))
+
+
+def test_a_result_is_counted_only_once_its_record_is_on_disk(client, body, monkeypatch):
+    written, reached, save = threading.Event(), threading.Event(), BatchStore.save
+
+    def late(store, record):
+        if record.done:
+            reached.set()
+            written.wait(20)
+        save(store, record)
+
+    monkeypatch.setattr(BatchStore, "save", late)
+    path = begin(client, body, body)
+    try:
+        assert reached.wait(20)
+        assert counts(client, path)[1] == 0
+    finally:
+        written.set()
+    assert ended(client, path)["done"] == 2
