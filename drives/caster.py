@@ -16,7 +16,6 @@ it never leaves the circle and, as arg α stays small in every step, never loses
 
 from __future__ import annotations
 
-import cmath
 import math
 
 import numpy as np
@@ -24,7 +23,6 @@ import numpy as np
 from drives.drive import ActuatorPath, BodyPath
 from drives.kernels import kernel
 from drives.se2 import Array
-from drives.wheel import velocity_at
 
 __all__ = ["caster_law"]
 
@@ -44,59 +42,68 @@ def caster_law(
     The angles are accurate to 1e-8 where the path's samples resolve the offset.
     """
     tangent, change = np.ascontiguousarray(path.tangent), np.ascontiguousarray(path.tangent_derivative)
-    p, dp = velocity_at(x, y, tangent), velocity_at(x, y, change)
-    beta = _swing(path.s, tangent[:, 2].copy(), change[:, 2].copy(), p, dp, start, offset)
-    return ActuatorPath(*_law(tangent[:, 2].copy(), p, dp, beta, radius, offset))
+    return ActuatorPath(*_law(path.s, tangent, change, x, y, radius, offset, start))
 
 
 @kernel
 def _law(
-    turn: Array, p: Array, dp: Array, beta: Array, radius: float, offset: float
+    s: Array, tangent: Array, change: Array, x: Array, y: Array, radius: float, offset: float, start: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """w, w′, β and β′ (n, m), β given."""
-    w, dw, slope = np.empty(beta.shape), np.empty(beta.shape), np.empty(beta.shape)
-    for i in range(beta.shape[0]):
-        for j in range(beta.shape[1]):
-            c, s = math.cos(beta[i, j]), math.sin(beta[i, j])
-            across = p[i, j, 1] * c - p[i, j, 0] * s
-            slope[i, j] = across / offset - turn[i]
-            w[i, j] = (p[i, j, 0] * c + p[i, j, 1] * s) / radius
-            dw[i, j] = (dp[i, j, 0] * c + dp[i, j, 1] * s + slope[i, j] * across) / radius
+    """w, w′, β and β′ (n, m)."""
+    n, m = len(s), len(x)
+    w, dw, beta, slope = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.empty((n, m))
+    p, dp = np.empty(n, np.complex128), np.empty(n, np.complex128)
+    for j in range(m):
+        axis = complex(x[j], y[j]) * 1j
+        for i in range(n):
+            p[i] = complex(tangent[i, 0], tangent[i, 1]) + tangent[i, 2] * axis
+            dp[i] = complex(change[i, 0], change[i, 1]) + change[i, 2] * axis
+        angle = start[j]
+        back = complex(math.cos(angle), -math.sin(angle))
+        for i in range(n):
+            speed, rate = p[i] * back, dp[i] * back
+            beta[i, j], slope[i, j] = angle, speed.imag / offset - tangent[i, 2]
+            w[i, j], dw[i, j] = speed.real / radius, (rate.real + slope[i, j] * speed.imag) / radius
+            if i < n - 1:
+                angle, back = _swung(i, s, tangent, change, p, dp, offset, angle, back)
     return w, dw, beta, slope
 
 
 @kernel
-def _swing(
-    s: Array, turn: Array, turn_change: Array, p: Array, dp: Array, start: Array, offset: float
-) -> Array:
-    """Angles β (n, m). p, dp (n, m, 2): velocity of each steering axis, body frame, per unit of s, and its
-    derivative; turn and its change (n,): those of the body's heading."""
-    n, m = len(s), len(start)
-    beta = np.empty((n, m))
-    for j in range(m):
-        beta[0, j] = angle = start[j]
-        for i in range(n - 1):
-            h = s[i + 1] - s[i]
-            # Of Hermite's cubics of q and t = -ω/2 over the interval: where they begin, slopes, and rise.
-            half = h / (2 * offset)
-            q, q_rise = complex(p[i, j, 0], p[i, j, 1]) * half, complex(p[i + 1, j, 0], p[i + 1, j, 1]) * half
-            q0, q1 = complex(dp[i, j, 0], dp[i, j, 1]), complex(dp[i + 1, j, 0], dp[i + 1, j, 1])
-            q_rise, q0, q1 = q_rise - q, q0 * (half * h), q1 * (half * h)
-            t, t_rise = -h / 2 * turn[i], -h / 2 * (turn[i + 1] - turn[i])
-            t0, t1 = -h * h / 2 * turn_change[i], -h * h / 2 * turn_change[i + 1]
-            pieces = _steps(
-                max(_size(q, t), _size(q + q_rise, t + t_rise)),
-                max(_size(q_rise, t_rise), _size(q0, t0), _size(q1, t1)),
-                max(abs(t), abs(t + t_rise)),
-            )
-            for k in range(pieces):
-                u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
-                ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
-                qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
-                gain = _magnus(ta.real, tb.real, qa, qb, 1.0 / pieces, cmath.rect(1.0, -angle))
-                angle += 2 * cmath.phase(gain)
-            beta[i + 1, j] = angle
-    return beta
+def _swung(
+    i: int,
+    s: Array,
+    tangent: Array,
+    change: Array,
+    p: Array,
+    dp: Array,
+    offset: float,
+    angle: float,
+    back: complex,
+) -> tuple[float, complex]:
+    """The angle β and exp(-iβ) where interval i ends, given those where it begins. p, dp (n,): velocity of
+    the steering axis, body frame, per unit of s, and its derivative."""
+    h = s[i + 1] - s[i]
+    # Of Hermite's cubics of q and t = -ω/2 over the interval: where they begin, slopes, and rise.
+    half = h / (2 * offset)
+    q, q_rise, q0, q1 = p[i] * half, (p[i + 1] - p[i]) * half, dp[i] * (half * h), dp[i + 1] * (half * h)
+    t, t_rise = -h / 2 * tangent[i, 2], -h / 2 * (tangent[i + 1, 2] - tangent[i, 2])
+    t0, t1 = -h * h / 2 * change[i, 2], -h * h / 2 * change[i + 1, 2]
+    pieces = _steps(
+        max(_size(q, t), _size(q + q_rise, t + t_rise)),
+        max(_size(q_rise, t_rise), _size(q0, t0), _size(q1, t1)),
+        max(abs(t), abs(t + t_rise)),
+    )
+    for k in range(pieces):
+        u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
+        ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
+        qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
+        gain = _magnus(ta.real, tb.real, qa, qb, 1.0 / pieces, back)
+        angle += 2 * math.atan2(gain.imag, gain.real)
+        turn = gain.conjugate() * gain.conjugate()
+        back *= turn / math.sqrt(turn.real * turn.real + turn.imag * turn.imag)
+        back *= 1.5 - 0.5 * (back.real * back.real + back.imag * back.imag)  # stays on the circle
+    return angle, back
 
 
 _GAUSS = math.sqrt(3) / 6

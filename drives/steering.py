@@ -59,10 +59,16 @@ def steer(
     hold = np.zeros(len(x)) if near is None else np.array(near, dtype=float)
     tangent, change = np.ascontiguousarray(path.tangent), np.ascontiguousarray(path.tangent_derivative)
     w, dw, delta, slope, standing = _steered(x, y, radius, path.s, tangent, change, hold)
-    for j in np.flatnonzero(standing.any(0) & ~standing.all(0)):
+    partly = np.flatnonzero(standing.any(0) & ~standing.all(0)) if standing.any() else ()
+    for j in partly:
         there = standing[:, j]  # where p′ tells the direction, δ′ comes from δ
         slope[there, j] = np.gradient(delta[:, j], path.s, edge_order=2 if len(path.s) > 2 else 1)[there]
-    turns = _half_turns(delta, near, limit)
+    wanted = np.zeros(len(x)) if near is None else np.round((hold - delta[0]) / np.pi)
+    turns = _half_turns(delta, wanted, limit + STEERING_TOLERANCE)
+    if np.isnan(turns).any():
+        raise InadmissibleTwist(f"the steering does not stay within ±{limit:g} rad, on any branch")
+    if not turns.any():
+        return ActuatorPath(w, dw, delta, slope)
     sense = 1 - 2 * (turns % 2)
     return ActuatorPath(w * sense, dw * sense, delta + np.pi * turns, slope)
 
@@ -134,14 +140,18 @@ def _size(x: Array, y: Array, twists: Array) -> Array:
     return np.asarray(speed.max(axis=0))
 
 
-def _half_turns(delta: Array, near: Array | None, limit: float) -> Array:
-    """How many half turns (m,) to add to delta (n, m) for the branch nearest to `near` within ±limit."""
-    wanted = np.zeros(delta.shape[1]) if near is None else np.round((near - delta[0]) / np.pi)
-    reach = limit + STEERING_TOLERANCE
-    least, most = np.ceil((-reach - delta.min(0)) / np.pi), np.floor((reach - delta.max(0)) / np.pi)
-    if not (least <= most).all():
-        raise InadmissibleTwist(f"the steering does not stay within ±{limit:g} rad, on any branch")
-    return np.clip(wanted, least, most)
+@kernel
+def _half_turns(delta: Array, wanted: Array, reach: float) -> Array:
+    """How many half turns (m,), as near to `wanted` (m,) as may be, to add to delta (n, m) so that it stays
+    within ±reach. NaN: no number of them will do."""
+    turns = wanted.copy()
+    for j in range(len(turns)):
+        low = high = delta[0, j]
+        for i in range(len(delta)):
+            low, high = min(low, delta[i, j]), max(high, delta[i, j])
+        least, most = np.ceil((-reach - low) / math.pi), np.floor((reach - high) / math.pi)
+        turns[j] = min(max(wanted[j], least), most) if least <= most else math.nan
+    return turns
 
 
 @kernel

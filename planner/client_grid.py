@@ -21,6 +21,7 @@ from drives.drive import ActuatorPath, Drive, Limits
 from drives.se2 import Array
 from planner.errors import LimitsInfeasible
 from planner.grid_spline import Pace, Spread, followed, given_phase, profile_of
+from planner.kernels import kernel
 from planner.rows import limit_rows
 from planner.schedule import sample_times
 from planner.trajectory import Driven, Flowing, Phase, Phases, Steer
@@ -130,23 +131,31 @@ def _steered(phase: Steer, rate: float, period: float, whole: bool) -> Steer:
 def _evenly_driven(phase: Driven, law: ActuatorPath, limits: Limits, period: float, whole: bool) -> Driven:
     """A path along which every actuator turns in proportion to s: its limits do not depend on s."""
     push, _, x_max = limit_rows(phase.piece.body_path(phase.grid), law, limits)
+    most, fastest = float(np.abs(push).max()), math.sqrt(float(x_max.min()))
     jerk = float((np.abs(law.wheel[0]) / limits.wheel_jerk).max())
     pace, duration = Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration])), phase.duration
     for _ in range(_TRIES):
         time = _times(duration, period, whole or jerk > 0.0, 3 if jerk > 0.0 else 1)
         profile = followed(phase, time, pace.slowed(time[-1] / phase.duration), jerk > 0.0)
-        step = np.diff(time)
-        ends = np.abs([profile.acceleration, profile.acceleration + step * profile.jerk])
-        middle = profile.velocity + step / 2 * (profile.acceleration + step / 4 * profile.jerk)
-        factor = max(
-            float(max(profile.velocity.max(), middle.max())) / math.sqrt(float(x_max.min())),
-            math.sqrt(float(ends.max() * np.abs(push).max())),
-            math.cbrt(float(np.abs(profile.jerk).max()) * jerk),
-        )
+        speed, acceleration, rise = _peaks(time, profile.velocity, profile.acceleration, profile.jerk)
+        factor = max(speed / fastest, math.sqrt(acceleration * most), math.cbrt(rise * jerk))
         if factor <= 1 + _EXACT:
             return replace(phase, profile=profile)
         duration = float(time[-1]) * min(factor, 1.5) + _SPARE * phase.duration
     raise _too_coarse(phase, period, factor)
+
+
+@kernel
+def _peaks(time: Array, velocity: Array, acceleration: Array, jerk: Array) -> tuple[float, float, float]:
+    """The largest ṡ, |s̈| and |s⃛| of a profile."""
+    fastest = hardest = sharpest = 0.0
+    for i in range(len(velocity)):
+        h = time[i + 1] - time[i]
+        last = acceleration[i] + h * jerk[i]
+        middle = velocity[i] + h / 2 * (acceleration[i] + h / 4 * jerk[i])
+        fastest = max(fastest, velocity[i], middle)
+        hardest, sharpest = max(hardest, abs(acceleration[i]), abs(last)), max(sharpest, abs(jerk[i]))
+    return fastest, hardest, sharpest
 
 
 def _too_coarse(phase: Phase, period: float, factor: float) -> LimitsInfeasible:

@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from drives.drive import Drive
 from drives.se2 import Array
+from planner.kernels import kernel
 from planner.trajectory import Driven, Flowing, Phase, Profile, Warped
 
 __all__ = ["Pace", "Spread", "followed", "given_phase", "profile_of"]
@@ -78,13 +79,16 @@ class Spread:
         """The phase whose velocities are splines."""
         match given_phase(self.phase):
             case Driven() as given:
-                ends = given.piece.body_path(np.array([0.0, 1.0]))
-                rolls = bool(self.drive.actuators(ends, given.steering).wheel.any())
-                quadratic = self.jerk_limited and rolls
+                quadratic = self.jerk_limited and self._rolls(given)
                 return replace(given, profile=followed(self.phase, self.time, self.pace, quadratic))
             case Flowing() as given:
                 return self._flowing(given)
         raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
+
+    def _rolls(self, given: Driven) -> bool:
+        """Whether a wheel turns."""
+        ends = given.piece.body_path(np.array([0.0, 1.0]))
+        return bool(self.drive.actuators(ends, given.steering).wheel.any())
 
     def _flowing(self, given: Flowing) -> Flowing:
         """A motion whose coordinates are splines on the grid."""
@@ -95,7 +99,7 @@ class Spread:
         first, last = self.pace(begin), self.pace(end)
         means = _means(self.phase, first, last, kind)
         means[:, kind.velocity] *= ((last - first) / (end - begin))[:, None]
-        controls = list(np.concatenate([ends[:1], means, ends[1:]]).T)
+        controls = list(np.ascontiguousarray(np.concatenate([ends[:1], means, ends[1:]]).T))
         for left in reversed(range(_CORRECTIONS + 1)):
             made = _assembled(given, time, controls, kind)
             pose = made.poses(time)
@@ -109,39 +113,65 @@ class Spread:
 # ---------------------------------------------------------------- splines
 
 
+@kernel
 def _cells(time: Array, quadratic: bool) -> tuple[Array, Array]:
     """Begin and end (m,) of the cells whose means are control points, those at the ends left out: the
     intervals between samples, or as much around each sample as lies within the shorter of its intervals."""
     if quadratic:
-        return time[:-1], time[1:]
-    step = np.diff(time)
-    half = np.minimum(step[:-1], step[1:]) / 2
-    return time[1:-1] - half, time[1:-1] + half
+        return time[:-1].copy(), time[1:].copy()
+    begin, end = np.empty(len(time) - 2), np.empty(len(time) - 2)
+    for i in range(len(begin)):
+        half = min(time[i + 1] - time[i], time[i + 2] - time[i + 1]) / 2
+        begin[i], end[i] = time[i + 1] - half, time[i + 1] + half
+    return begin, end
 
 
+@kernel
 def _polynomials(step: Array, controls: Array, quadratic: bool) -> Array:
     """Coefficients (n, 3) of the spline over intervals that last step (n,)."""
+    n = len(step)
+    found = np.zeros((n, 3))
     if not quadratic:
-        slope = np.diff(controls) / step
-        return np.stack([controls[:-1], slope, np.zeros_like(slope)], 1)
-    apart = np.concatenate([step[:1], step[:-1] + step[1:], step[-1:]]) / 2
-    slope = np.diff(controls) / apart
-    at = controls[:-1] + slope * np.append(0.0, step / 2)
-    return np.stack([at[:-1], slope[:-1], np.diff(slope) / (2 * step)], 1)
+        for i in range(n):
+            found[i, 0], found[i, 1] = controls[i], (controls[i + 1] - controls[i]) / step[i]
+        return found
+    slope = 2 * (controls[1] - controls[0]) / step[0]
+    for i in range(n):
+        apart = (step[i] + step[i + 1]) / 2 if i + 1 < n else step[i] / 2
+        after = (controls[i + 2] - controls[i + 1]) / apart
+        found[i, 0], found[i, 1] = controls[i + 1] - slope * step[i] / 2, slope
+        found[i, 2] = (after - slope) / (2 * step[i])
+        slope = after
+    return found
 
 
 def profile_of(time: Array, means: Array, quadratic: bool) -> Profile:
     """s(t) from 0 to 1, at rest at both ends, its velocity a spline of such means."""
-    if len(time) == 2:
-        return Profile(time, np.zeros(1), np.zeros(1), 6 / time[1:] ** 2, -12 / time[1:] ** 3)
-    controls = np.concatenate([[0.0], means, [0.0]])
-    if quadratic:
-        controls[1:-1] -= np.linspace(controls[1], controls[-2], len(means))
-    step = np.diff(time)
-    velocity, change, bow = _polynomials(step, controls, quadratic).T
-    way = np.cumsum(np.append(0.0, step * (velocity + step * (change / 2 + step * bow / 3))))
-    end = way[-1]
-    return Profile(time, way[:-1] / end, velocity / end, change / end, 2 * bow / end)
+    return Profile(time, *_profile(time, means, quadratic))
+
+
+@kernel
+def _profile(time: Array, means: Array, quadratic: bool) -> tuple[Array, Array, Array, Array]:
+    """The columns (n,) of that profile."""
+    n, m = len(time) - 1, len(means)
+    way, velocity, change, jerk = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    if n == 1:
+        way[0], velocity[0], change[0], jerk[0] = 0.0, 0.0, 6.0 / time[1] ** 2, -12.0 / time[1] ** 3
+        return way, velocity, change, jerk
+    controls = np.zeros(m + 2)
+    for i in range(m):
+        # Of degree two it begins and ends without acceleration.
+        lift = means[0] + (means[m - 1] - means[0]) * i / max(m - 1, 1) if quadratic else 0.0
+        controls[i + 1] = means[i] - lift
+    step = time[1:] - time[:-1]
+    parts, end = _polynomials(step, controls, quadratic), 0.0
+    for i in range(n):
+        way[i], h = end, step[i]
+        end += h * (parts[i, 0] + h * (parts[i, 1] / 2 + h * parts[i, 2] / 3))
+    for i in range(n):
+        way[i], velocity[i], change[i] = way[i] / end, parts[i, 0] / end, parts[i, 1] / end
+        jerk[i] = 2.0 * parts[i, 2] / end
+    return way, velocity, change, jerk
 
 
 def followed(phase: Phase, time: Array, pace: Pace, quadratic: bool) -> Profile:

@@ -63,15 +63,22 @@ def _twists(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
     return np.ascontiguousarray(twist), slip
 
 
+@kernel
 def _interpolated(step: Array, angle: Array, rate: Array) -> tuple[Array, Array]:
     """Angles and rates (3n, m) at Gauss's nodes of n intervals, on the cubics through samples."""
-    u, h = _NODES[None, :, None], step[:, None, None]
-    begin, end, rise = rate[:-1, None] * h, rate[1:, None] * h, np.diff(angle, axis=0)[:, None]
-    square, cube = 3 * rise - 2 * begin - end, begin + end - 2 * rise
-    value = angle[:-1, None] + u * (begin + u * (square + u * cube))
-    slope = (begin + u * (2 * square + 3 * u * cube)) / h
-    shape = (len(step) * len(_NODES), angle.shape[1])
-    return value.reshape(shape), slope.reshape(shape)
+    n, m = len(step), angle.shape[1]
+    value, slope = np.empty((3 * n, m)), np.empty((3 * n, m))
+    for i in range(n):
+        h = step[i]
+        for j in range(m):
+            first, begin, end = angle[i, j], rate[i, j], rate[i + 1, j]
+            rise = (angle[i + 1, j] - first) / h
+            square, cube = 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
+            for a in range(3):
+                u = _NODES[a]
+                value[3 * i + a, j] = first + h * u * (begin + u * (square + u * cube))
+                slope[3 * i + a, j] = begin + u * (2.0 * square + 3.0 * u * cube)
+    return value, slope
 
 
 @kernel
