@@ -248,12 +248,22 @@ def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordi
         if not velocity:
             column[1], column[-1] = column[0], column[-2]
         elif kind.calm:
-            column[1:-1] -= np.linspace(column[1], column[-2], len(column) - 2)
+            _start_calmly(column)
+            _start_calmly(column[::-1])
         elif kind.straight:
             column[1] = column[2] * (step[0] / (step[1] + 2 * step[0]))
             column[-2] = column[-3] * (step[-1] / (step[-2] + 2 * step[-1]))
     columns = [_polynomials(step, column, kind.quadratic) for column in controls]
     return replace(given, time=time, coefficients=np.stack(columns, 2), steering_limit=math.inf)
+
+
+def _start_calmly(column: Array) -> None:
+    """Take from a column's control points (n,), until it comes back to zero, what makes it begin without a
+    slope."""
+    first = float(column[1])
+    back = np.flatnonzero(column[1:] * np.sign(first) < abs(first))
+    size = int(back[0]) if len(back) else len(column) - 1
+    column[1 : 1 + size] -= first * np.linspace(1.0, 0.0, max(size, 2))[:size]
 
 
 def _correct(controls: list[Array], motion: Flowing, pose: Array, miss: Array, kind: _Coordinates) -> None:

@@ -17,14 +17,13 @@ _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _SHARES / 2
 _PARTS = _NODES[:, None] ** [1, 2, 3] / [1, 2, 3] @ np.linalg.inv(np.vander(_NODES, increasing=True))
 """Gauss's rule over [0, 1]: nodes, weights, and weights of the integrals up to each node."""
-_AT = np.array([0.0, 0.5, 1.0])
-_BASIS = np.linalg.inv(np.vander(_NODES, increasing=True))
-_VALUES, _SLOPES = (
-    np.vander(_AT, 3, increasing=True) @ _BASIS,
-    np.outer(2 * _AT, [0, 0, 1]) @ _BASIS + _BASIS[1],
-)
-"""Weights of the values at the nodes for values and slopes of the quadratic where an interval begins, in its
-middle, and where it ends."""
+_INSTANTS = np.concatenate([[0.0], _NODES, [1.0]])
+_SLOPES = (np.arange(1.0, 5.0) * _INSTANTS[:, None] ** np.arange(4)) @ np.linalg.inv(
+    np.vander(_INSTANTS, increasing=True)
+)[1:]
+"""The instants of an interval that are looked at, and weights of values there for the slopes of the quartic
+through them."""
+_STEP = len(_NODES) + 1
 _SLIP, _SLOW = 7e-4, 0.05
 """Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
 _SLOW_SHARE = 0.05
@@ -39,10 +38,13 @@ def slow_factors(made: WheelSchedule, drive: Drive, limits: Limits) -> Array:
     _rates(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_speed, factors)
     _changes(made.time, made.wheel_angle, made.wheel_velocity, limits.wheel_acceleration, limits.wheel_jerk,
              factors)  # fmt: skip
-    _speeds(made.twist, limits.linear_speed, limits.angular_speed, factors)
-    along, across = limits.linear_acceleration, limits.lateral_acceleration
-    if min(along, across) < math.inf:
-        _pushes(np.diff(made.time), _twists(made, drive)[0], along, across, factors)
+    speeds = limits.linear_speed, limits.angular_speed
+    pushes = limits.linear_acceleration, limits.lateral_acceleration
+    if min(*speeds, *pushes) < math.inf:
+        twist, _ = _twists(made, drive)
+        _speeds(twist, *speeds, factors)
+        if min(pushes) < math.inf:
+            _pushes(np.diff(made.time), twist, *pushes, factors)
     return factors
 
 
@@ -51,12 +53,13 @@ def rolled(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
     (n + 1, 3) at the samples that rolling the interpolated wheels leads to."""
     twist, slip = _twists(made, drive)
     speed = max(float(np.hypot(*twist[:, :2].T).max()), _SLOW)
-    shares: Array = slip.reshape(-1, len(_NODES)).max(1) / (_SLIP * speed)
+    shares: Array = slip[:-1].reshape(-1, _STEP)[:, 1:].max(1) / (_SLIP * speed)
     return shares, _poses(made.pose[0].copy(), np.diff(made.time), twist)
 
 
 def _twists(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
-    """Twists (3n, 3) and slip (3n,) of the interpolated wheels at the nodes of intervals."""
+    """Twists (4n + 1, 3) and slip (4n + 1,) of the interpolated wheels: where an interval begins, at its
+    three nodes, where the next one begins, …"""
     step = np.diff(made.time)
     rates = _interpolated(step, made.wheel_angle, made.wheel_velocity)[1]
     twist, slip = drive.forward(rates, *_interpolated(step, made.steering_angle, made.steering_rate))
@@ -65,39 +68,39 @@ def _twists(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
 
 @kernel
 def _interpolated(step: Array, angle: Array, rate: Array) -> tuple[Array, Array]:
-    """Angles and rates (3n, m) at Gauss's nodes of n intervals, on the cubics through samples."""
+    """Angles and rates (4n + 1, m) of the cubics through samples, at the same instants."""
     n, m = len(step), angle.shape[1]
-    value, slope = np.empty((3 * n, m)), np.empty((3 * n, m))
+    value, slope = np.empty((_STEP * n + 1, m)), np.empty((_STEP * n + 1, m))
+    value[-1], slope[-1] = angle[-1], rate[-1]
     for i in range(n):
         h = step[i]
         for j in range(m):
             first, begin, end = angle[i, j], rate[i, j], rate[i + 1, j]
             rise = (angle[i + 1, j] - first) / h
             square, cube = 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
-            for a in range(3):
-                u = _NODES[a]
-                value[3 * i + a, j] = first + h * u * (begin + u * (square + u * cube))
-                slope[3 * i + a, j] = begin + u * (2.0 * square + 3.0 * u * cube)
+            for a in range(_STEP):
+                u = _INSTANTS[a]
+                value[_STEP * i + a, j] = first + h * u * (begin + u * (square + u * cube))
+                slope[_STEP * i + a, j] = begin + u * (2.0 * square + 3.0 * u * cube)
     return value, slope
 
 
 @kernel
 def _poses(start: Array, step: Array, twist: Array) -> Array:
-    """Poses (n + 1, 3) at the ends of intervals, given the twists (3n, 3) at their nodes."""
+    """Poses (n + 1, 3) at the ends of intervals, given the twists (4n + 1, 3)."""
     poses = np.empty((len(step) + 1, 3))
     poses[0] = start
     for i in range(len(step)):
-        poses[i + 1] = poses[i]
-        omega = twist[3 * i : 3 * i + 3, 2]
+        poses[i + 1], at = poses[i], _STEP * i + 1
         for a in range(3):
             turn = 0.0
             for b in range(3):
-                turn += _PARTS[a, b] * omega[b]
+                turn += _PARTS[a, b] * twist[at + b, 2]
             heading, h = poses[i, 2] + step[i] * turn, step[i] * _WEIGHTS[a]
-            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[3 * i + a, 0], twist[3 * i + a, 1]
+            c, s, vx, vy = math.cos(heading), math.sin(heading), twist[at + a, 0], twist[at + a, 1]
             poses[i + 1, 0] += h * (c * vx - s * vy)
             poses[i + 1, 1] += h * (s * vx + c * vy)
-            poses[i + 1, 2] += h * omega[a]
+            poses[i + 1, 2] += h * twist[at + a, 2]
     return poses
 
 
@@ -129,7 +132,7 @@ def _changes(
 ) -> None:
     """Raise factors (n,) to what the accelerations and jerks of wheels ask for, given their limits (m,)."""
     for j in range(angle.shape[1]):
-        before = 0.0
+        before = begin = 0.0
         for i in range(len(factors)):
             h = time[i + 1] - time[i]
             mean = (angle[i + 1, j] - angle[i, j]) / h
@@ -137,39 +140,42 @@ def _changes(
             last = (4.0 * rate[i + 1, j] + 2.0 * rate[i, j] - 6.0 * mean) / h
             factors[i] = max(factors[i], math.sqrt(max(abs(first), abs(last)) / acceleration[j]))
             if jerk[j] < np.inf:
-                jerked = max(abs(last - first), abs(last - before)) / (h * jerk[j])
-                factors[i] = max(factors[i], np.cbrt(jerked))
-            before = last
+                jerked = max(abs(last - first), abs(first - before), abs(last - before), abs(first - begin))
+                factors[i] = max(factors[i], np.cbrt(jerked / (h * jerk[j])))
+            before, begin = last, first
 
 
 @kernel
 def _speeds(twist: Array, linear: float, angular: float, factors: Array) -> None:
-    """Raise factors (n,) to the largest share of the body's speeds, given its twists (n + 1, 3)."""
+    """Raise factors (n,) to the largest share of the body's speeds, given its twists (4n + 1, 3)."""
     for i in range(len(factors)):
-        for k in (i, i + 1):
+        for k in range(_STEP * i, _STEP * (i + 1) + 1):
             vx, vy, omega = twist[k]
             factors[i] = max(factors[i], math.sqrt(vx * vx + vy * vy) / linear, abs(omega) / angular)
 
 
 @kernel
 def _pushes(step: Array, twist: Array, along: float, across: float, factors: Array) -> None:
-    """Raise factors (n,) to what the body's accelerations along and across its velocity ask for, where
-    intervals begin, end, and are halfway: of the quadratics through the twists (3n, 3) at their nodes."""
+    """Raise factors (n,) to what the body's accelerations along and across its velocity ask for, given its
+    twists (4n + 1, 3)."""
+    side = np.empty(_STEP + 1)
     for i in range(len(factors)):
-        fastest = 0.0
-        for a in range(3):
-            fastest = max(fastest, math.sqrt(twist[3 * i + a, 0] ** 2 + twist[3 * i + a, 1] ** 2))
-        for k in range(len(_VALUES)):
-            vx = vy = omega = dx = dy = 0.0
-            for a in range(3):
-                x, y, turn = twist[3 * i + a]
-                vx, vy = vx + _VALUES[k, a] * x, vy + _VALUES[k, a] * y
-                omega += _VALUES[k, a] * turn
-                dx, dy = dx + _SLOPES[k, a] * x, dy + _SLOPES[k, a] * y
+        at, fastest = _STEP * i, 0.0
+        for a in range(_STEP + 1):
+            fastest = max(fastest, math.sqrt(twist[at + a, 0] ** 2 + twist[at + a, 1] ** 2))
+        for k in range(_STEP + 1):
+            vx, vy, omega = twist[at + k]
+            dx = dy = 0.0
+            for a in range(_STEP + 1):
+                dx, dy = dx + _SLOPES[k, a] * twist[at + a, 0], dy + _SLOPES[k, a] * twist[at + a, 1]
             dx, dy, size = dx / step[i], dy / step[i], math.sqrt(vx * vx + vy * vy)
+            side[k] = 0.0
             if size <= _SLOW_SHARE * fastest:
                 pushed = math.sqrt(dx * dx + dy * dy) / along
             else:
-                bend = vx * dy - vy * dx + omega * size * size
-                pushed = max(abs(dx * vx + dy * vy) / along, abs(bend) / across) / size
+                side[k] = (vx * dy - vy * dx) / size + omega * size
+                pushed = max(abs(dx * vx + dy * vy) / size / along, abs(side[k]) / across)
             factors[i] = max(factors[i], math.sqrt(pushed))
+        # The mean of the parabola through where the interval begins, its middle, and where it ends.
+        mean = (side[0] + 4.0 * side[2] + side[4]) / 6.0
+        factors[i] = max(factors[i], math.sqrt(_peak(side[0], side[4], mean) / across))

@@ -20,6 +20,7 @@ __all__ = ["Fault", "check"]
 
 # Shares by which limits may be passed at any instant: rates and angles, accelerations, and ratios stated.
 RATE, ACCELERATION, STATED = 0.01, 0.03, 5e-4
+BACKWARDS = 5e-4  # m/s
 # How far rolling may end from the goal: m, per metre travelled, rad.
 POSITION, POSITION_PER_METRE, HEADING = 1e-3, 1e-4, 2e-3
 _NODES = 8
@@ -280,10 +281,11 @@ def _body(request: dict[str, Any], time: Array, poses: Array, twists: Array, fau
 def _route(request: dict[str, Any], twists: Array, faults: _Faults) -> None:
     options, forward = request["options"], twists[..., 0]
     top = max(float(np.abs(twists[..., :2]).max()), 0.05)
+    slow = max(BACKWARDS, 1e-3 * top)
     if options.get("reverse") is False:
         back = float(-forward.min())
         samples = float(-min(forward[:, 0].min(), forward[-1, -1]))
-        faults.limit("reverse", max(samples, 0.0) / (1e-3 * top), max(back, 0.0) / (1e-3 * top), 0.0)
+        faults.limit("reverse", max(samples, 0.0) / slow, max(back, 0.0) / slow, 0.0)
     radius = options.get("turning_radius", 0.0)
     if radius and request["robot"]["drive"]["type"] not in HOLONOMIC:
         tight = (np.abs(twists[..., 2]) * radius - np.abs(forward) * 1.01) / (2e-3 * max(top, 1.0))
