@@ -23,6 +23,8 @@ _CORRECTIONS, _MISS = 5, 1e-8
 """How often the end is corrected, and the miss (m, rad) that needs no correction."""
 _AROUND = 2
 """Samples before and after those between which wheels slip, where the motion is slowed down, too."""
+_BACKWARDS = 1e-6
+"""Speed (m/s) backwards at a knot that is rounding."""
 _TURN = 0.1
 """Angular speed (rad/s) for each m/s of speed that a correction may change at least."""
 
@@ -213,6 +215,7 @@ class _Coordinates:
         self.calm = jerk_limited
         self.straight = steered and not phase.curves and not jerk_limited
         self.velocity = ~bends
+        self.forward = bool((phase.coefficients[:, 0, 0] > -_BACKWARDS).all())
 
 
 def _values(phase: Phase, time: Array, kind: _Coordinates) -> Array:
@@ -253,6 +256,9 @@ def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordi
         elif kind.straight:
             column[1] = column[2] * (step[0] / (step[1] + 2 * step[0]))
             column[-2] = column[-3] * (step[-1] / (step[-2] + 2 * step[-1]))
+    if kind.forward:
+        # A spline lies between its control points.
+        np.maximum(controls[0], 0.0, out=controls[0])
     columns = [_polynomials(step, column, kind.quadratic) for column in controls]
     return replace(given, time=time, coefficients=np.stack(columns, 2), steering_limit=math.inf)
 
