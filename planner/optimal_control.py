@@ -119,6 +119,7 @@ def _built(shape: Shape) -> Solver:
         cost=ca.sumsqr(u[: shape.size]) * effort,
         held=[Rows(motion.changes(at, by, part), -1, 1), Rows(motion.gaps(between, later), 0, math.inf),
               Rows(motion.steering(at, by, part), 0, math.inf),
+              Rows(motion.ahead(at, part), 0, math.inf),
               Rows(motion.swings(at, by, part), 0, 0)],
         first=[Rows(motion.begin(at), 0, 0), Rows([x[-1]], 1e-3, 1e3), *bends],
         later=[*motion.speeds(at), Rows(motion.gaps(at, here), 0, math.inf)],
@@ -303,10 +304,19 @@ class _Motion:
         for share in (0.0, 0.5, 1.0) if self.shape.pushes else ():
             rows += self._pushes(*self._later(x, u, share * h))
         if self.shape.coordinates == "car" and self.shape.jerk:
-            # A parabola stays within its control points: two are at the knots, this one is between.
-            _, q, r = self._split(x)
-            rows.append((q[1] + r[1] * h / 2) * self.p["curvature"])
+            rows.append(self._between(x, h)[1] * self.p["curvature"])
         return rows
+
+    def _between(self, x: Any, h: Any) -> Any:
+        """The middle control points of parabolas over an interval of h after a knot. A parabola stays within
+        its control points, and the others are its values at the knots."""
+        _, q, r = self._split(x)
+        return q + r * h / 2
+
+    def ahead(self, x: Any, part: Any) -> list[Any]:
+        """What is positive if a robot that must not drive back does not between knots."""
+        curved = self.shape.forward and self.shape.jerk
+        return [self._between(x, part * x[-1])[0]] if curved else []
 
     def _changes(self, q: Any, r: Any, u: Any, angles: Any) -> list[Any]:
         shape, u = self.shape, u[: self.shape.size]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TypeVar
@@ -48,6 +49,8 @@ _ON_GRID = 1.05
 """By what factor a motion may become longer when it is put on the client's grid."""
 _SLOWED = 1.05
 """A window that exceeds limits by more is not taken."""
+_RETIMED = 4.0
+"""A motion that takes this many times as long once it keeps the limits of jerk is given up."""
 _TURNS = 4.0
 """Steering (rad) that is slow, if a motion has no time for more."""
 _BUILDING = 1.3
@@ -359,12 +362,7 @@ class Optimizer:
         try:
             for i, run in enumerate(runs):
                 steered = replace(run, steering=steering) if run.steering is None or i > 0 else run
-                phase: Phase = steered
-                if self._is_jerk_limited:
-                    slower = _excess(Phases(drive, (phase,)), run.time, limits)
-                    retimed = Phases(drive, (steered.slowed(slower),))
-                    (phase,) = hastened(retimed, limits, partial(self.is_over, 0.0)).phases
-                phase = phase_on_grid(phase, drive, limits, self._period, whole=i + 1 < len(runs))
+                phase = self._on_grid(steered, whole=i + 1 < len(runs))
                 ends = Phases(drive, (phase,)).sample(np.array([0.0, phase.duration])).steering_angle
                 steer = None
                 if steering is not None and drive.steers_at_rest:
@@ -377,6 +375,24 @@ class Optimizer:
             return None
         made = Phases(drive, tuple(phases))
         return made if self._is_free(made) else None
+
+    def _on_grid(self, run: Flowing, whole: bool) -> Phase:
+        """A run on the client's grid within all limits; if jerk is limited, retimed or slowed down, whichever
+        takes less time there. Raises InadmissibleTwist, LimitsInfeasible."""
+        drive, limits = self.problem.robot.drive, self.problem.robot.limits
+        tried: list[Phase] = [run]
+        if self._is_jerk_limited:
+            slower = run.slowed(_excess(Phases(drive, (run,)), run.time, limits))
+            retimed = hastened(Phases(drive, (slower,)), limits, partial(self.is_over, 0.0)).phases
+            tried = [*retimed, *(slower for phase in retimed if phase is not slower)]
+        made: list[Phase] = []
+        for phase in tried:
+            if phase.duration < min([_RETIMED * run.duration, *(each.duration for each in made)]):
+                with suppress(LimitsInfeasible):
+                    made.append(phase_on_grid(phase, drive, limits, self._period, whole))
+        if not made:
+            raise LimitsInfeasible(f"a motion of {run.duration:.6g} s exceeds the limits of jerk by far")
+        return min(made, key=lambda each: each.duration)
 
     @cached_property
     def _period(self) -> float:
