@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from drives.drive import Drive
 from drives.se2 import Array
 from planner.kernels import kernel
-from planner.trajectory import Driven, Flowing, Phase, Profile, Warped
+from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["Pace", "Spread", "followed", "given_phase", "profile_of"]
 
@@ -84,13 +84,21 @@ class Spread:
                 quadratic = self.jerk_limited and self._rolls(given)
                 return replace(given, profile=followed(self.phase, self.time, self.pace, quadratic))
             case Flowing() as given:
-                return self._flowing(given)
+                return self._flowing(self._branched(given))
         raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
 
     def _rolls(self, given: Driven) -> bool:
         """Whether a wheel turns."""
         ends = given.piece.body_path(np.array([0.0, 1.0]))
         return bool(self.drive.actuators(ends, given.steering).wheel.any())
+
+    def _branched(self, given: Flowing) -> Flowing:
+        """The phase, wheels said to stand before where they begin, so that its like takes the same branches
+        of their steering angles (see Drive.actuators), whatever keeps them within the limit."""
+        if not self.drive.steers_at_rest:
+            return given
+        begin = Phases(self.drive, (given,)).sample(np.zeros(1))
+        return replace(given, steering=begin.steering_angle[0], steering_limit=math.inf)
 
     def _flowing(self, given: Flowing) -> Flowing:
         """A motion whose coordinates are splines on the grid."""
@@ -260,7 +268,7 @@ def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordi
         # A spline lies between its control points.
         np.maximum(controls[0], 0.0, out=controls[0])
     columns = [_polynomials(step, column, kind.quadratic) for column in controls]
-    return replace(given, time=time, coefficients=np.stack(columns, 2), steering_limit=math.inf)
+    return replace(given, time=time, coefficients=np.stack(columns, 2))
 
 
 def _start_calmly(column: Array) -> None:
