@@ -61,10 +61,13 @@ def on_grid(motion: Phases, limits: Limits, period: float) -> Phases:
     )
 
 
-def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, whole: bool) -> Phase:
+def phase_on_grid(
+    phase: Phase, drive: Drive, limits: Limits, period: float, whole: bool, turning_radius: float = 0.0
+) -> Phase:
     """The phase on the grid, from rest to rest within all limits.
 
-    whole: it takes whole sample periods (s). Raises LimitsInfeasible.
+    whole: it takes whole sample periods (s). turning_radius: the smallest (m) that is allowed between
+    samples, 0: any. Raises LimitsInfeasible.
     """
     if isinstance(phase, Steer):
         return _steered(phase, limits.steering_rate, period, whole)
@@ -100,10 +103,10 @@ def phase_on_grid(phase: Phase, drive: Drive, limits: Limits, period: float, who
                 pace = pace.spread(time, 1 + np.minimum(excess, 0.5) + _SPARE * (excess > 0))
             else:
                 pace = pace.slowed(min(factor, 1.5) + _SPARE)
-        elif (np.ptp(sampled.steering_angle, 0) == 0.0).all():
+        elif turning_radius == 0.0 and (np.ptp(sampled.steering_angle, 0) == 0.0).all():
             return made
         else:
-            slips, poses = rolled(sampled, drive)
+            slips, poses = rolled(sampled, drive, turning_radius)
             miss = goal - poses[-1] if isinstance(given, Flowing) else np.zeros(3)
             if isinstance(given, Driven):
                 # It cannot be led back to its path, so it must not stray.

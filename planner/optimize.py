@@ -385,11 +385,12 @@ class Optimizer:
             slower = run.slowed(_excess(Phases(drive, (run,)), run.time, limits))
             retimed = hastened(Phases(drive, (slower,)), limits, partial(self.is_over, 0.0)).phases
             tried = [*retimed, *(slower for phase in retimed if phase is not slower)]
+        radius = self.problem.options.turning_radius if self._coordinates == "car" else 0.0
         made: list[Phase] = []
         for phase in tried:
             if phase.duration < min([_RETIMED * run.duration, *(each.duration for each in made)]):
                 with suppress(LimitsInfeasible):
-                    made.append(phase_on_grid(phase, drive, limits, self._period, whole))
+                    made.append(phase_on_grid(phase, drive, limits, self._period, whole, radius))
         if not made:
             raise LimitsInfeasible(f"a motion of {run.duration:.6g} s exceeds the limits of jerk by far")
         return min(made, key=lambda each: each.duration)

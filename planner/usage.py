@@ -24,8 +24,20 @@ _SLOPES = (np.arange(1.0, 5.0) * _INSTANTS[:, None] ** np.arange(4)) @ np.linalg
 """The instants of an interval that are looked at, and weights of values there for the slopes of the quartic
 through them."""
 _STEP = len(_NODES) + 1
+_THIRD = np.array([1 / np.prod([u - v for v in _INSTANTS[:4] if v != u]) for u in _INSTANTS[:4]])
+"""Weights of the first four values for their third divided difference."""
+_SPAN = np.linspace(0.0, 1.0, 2001)
+_CUBIC = np.array([
+    max(abs(np.prod(u - _INSTANTS[a : a + 3])) for u in _SPAN if _INSTANTS[a] <= u <= _INSTANTS[a + 2])
+    for a in range(3)
+])  # fmt: skip
+"""The largest |(u - u0)(u - u1)(u - u2)| between the first and the last of three neighbouring instants."""
 _SLIP, _SLOW = 7e-4, 0.05
 """Slip that is allowed, over the largest speed, which counts as this (m/s) at least."""
+_SLIP_BOUND = 7.6e-4, 7.6e-5
+"""What the bound of the slip between instants may be: share of the largest speed, and m/s."""
+_TIGHTER = 4e-3, 7e-4
+"""By what |omega| · turning_radius may exceed |vx|: share of |vx|, and m/s."""
 _SLOW_SHARE = 0.05
 """Share of the largest speed in an interval below which all acceleration counts as along the velocity."""
 
@@ -48,13 +60,60 @@ def slow_factors(made: WheelSchedule, drive: Drive, limits: Limits) -> Array:
     return factors
 
 
-def rolled(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
-    """The largest slip over each interval (n,) between samples, as a share of what is allowed; and the poses
-    (n + 1, 3) at the samples that rolling the interpolated wheels leads to."""
+def rolled(made: WheelSchedule, drive: Drive, turning_radius: float = 0.0) -> tuple[Array, Array]:
+    """The largest slip over each interval (n,) between samples, as a share of what is allowed, or the largest
+    excess of the curvature, if that is more; and the poses (n + 1, 3) at the samples that rolling the
+    interpolated wheels leads to. turning_radius: the smallest (m) that is allowed, 0: any."""
     twist, slip = _twists(made, drive)
     speed = max(float(np.hypot(*twist[:, :2].T).max()), _SLOW)
-    shares: Array = slip[:-1].reshape(-1, _STEP)[:, 1:].max(1) / (_SLIP * speed)
+    shares = np.empty(len(made.time) - 1)
+    _slips(slip, _SLIP * speed, _SLIP_BOUND[0] * speed + _SLIP_BOUND[1], shares)
+    if turning_radius > 0.0:
+        _turns(twist, turning_radius, *_TIGHTER, shares)
     return shares, _poses(made.pose[0].copy(), np.diff(made.time), twist)
+
+
+@kernel
+def _slips(slip: Array, most: float, bound: float, shares: Array) -> None:
+    """Set shares (n,) to the larger of slip / most at the nodes and its upper bound / bound between, given
+    the slip (4n + 1,)."""
+    for i in range(len(shares)):
+        f, top = slip[_STEP * i : _STEP * (i + 1) + 1], 0.0
+        for a in range(1, _STEP):
+            top = max(top, f[a])
+        shares[i] = max(top / most, _upper(f) / bound)
+
+
+@kernel
+def _turns(twist: Array, radius: float, share: float, room: float, shares: Array) -> None:
+    """Raise shares (n,) to what |omega| · radius exceeds |vx| · (1 + share) by, over room, given twists
+    (4n + 1, 3)."""
+    for i in range(len(shares)):
+        for k in range(_STEP * i, _STEP * (i + 1) + 1):
+            excess = abs(twist[k, 2]) * radius - abs(twist[k, 0]) * (1.0 + share)
+            shares[i] = max(shares[i], excess / room)
+
+
+@kernel
+def _upper(f: Array) -> float:
+    """A bound of a function over an interval from its values (5,) at the instants: the top of the parabola
+    through the largest value and its neighbours, and what a cubic may differ from that."""
+    m = 0
+    for a in range(len(f)):
+        m = a if f[a] > f[m] else m
+    first = min(max(m - 1, 0), len(f) - 3)
+    u0, u1, u2 = _INSTANTS[first], _INSTANTS[first + 1], _INSTANTS[first + 2]
+    top, slope = f[m], (f[first + 1] - f[first]) / (u1 - u0)
+    bend = ((f[first + 2] - f[first + 1]) / (u2 - u1) - slope) / (u2 - u0)
+    if bend < 0.0:
+        u = (u0 + u1 - slope / bend) / 2.0
+        if u0 < u < u2:
+            top = max(top, f[first] + (u - u0) * (slope + bend * (u - u1)))
+    early = late = 0.0
+    for a in range(len(_THIRD)):
+        early += _THIRD[a] * f[a]
+        late += _THIRD[a] * f[len(f) - 1 - a]
+    return float(top + _CUBIC[first] * max(abs(early), abs(late)))
 
 
 def _twists(made: WheelSchedule, drive: Drive) -> tuple[Array, Array]:
