@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from drives.drive import Drive, Limits
+from drives.drive import Drive, Holonomic, Limits
 from drives.se2 import Array
 from planner.kernels import kernel
 from planner.schedule import WheelSchedule
@@ -38,6 +38,8 @@ _SLIP_BOUND = 7.6e-4, 7.6e-5
 """What the bound of the slip between instants may be: share of the largest speed, and m/s."""
 _TIGHTER = 4e-3, 7e-4
 """By what |omega| · turning_radius may exceed |vx|: share of |vx|, and m/s."""
+_AIMLESS = 1e-3
+"""Speed (m/s) below which a velocity has no direction."""
 _SLOW_SHARE = 0.05
 """Share of the largest speed in an interval below which all acceleration counts as along the velocity."""
 
@@ -56,7 +58,8 @@ def slow_factors(made: WheelSchedule, drive: Drive, limits: Limits) -> Array:
         twist, _ = _twists(made, drive)
         _speeds(twist, *speeds, factors)
         if min(pushes) < math.inf:
-            _pushes(np.diff(made.time), twist, *pushes, factors)
+            turns_aside = isinstance(drive.mobility(limits), Holonomic)
+            _pushes(np.diff(made.time), twist, *pushes, turns_aside, factors)
     return factors
 
 
@@ -214,9 +217,12 @@ def _speeds(twist: Array, linear: float, angular: float, factors: Array) -> None
 
 
 @kernel
-def _pushes(step: Array, twist: Array, along: float, across: float, factors: Array) -> None:
+def _pushes(
+    step: Array, twist: Array, along: float, across: float, turns_aside: bool, factors: Array
+) -> None:
     """Raise factors (n,) to what the body's accelerations along and across its velocity ask for, given its
-    twists (4n + 1, 3)."""
+    twists (4n + 1, 3). turns_aside: whether the velocity may point anywhere: when it is smallest, the whole
+    acceleration is across it."""
     side = np.empty(_STEP + 1)
     for i in range(len(factors)):
         at, fastest = _STEP * i, 0.0
@@ -234,7 +240,26 @@ def _pushes(step: Array, twist: Array, along: float, across: float, factors: Arr
             else:
                 side[k] = (vx * dy - vy * dx) / size + omega * size
                 pushed = max(abs(dx * vx + dy * vy) / size / along, abs(side[k]) / across)
+            if turns_aside and k < _STEP:
+                turn = (_INSTANTS[k + 1] - _INSTANTS[k]) * step[i] * omega
+                slowest = _slowest(twist[at + k], twist[at + k + 1], turn)
+                if slowest > _AIMLESS:
+                    whole = math.sqrt((dx - omega * vy) ** 2 + (dy + omega * vx) ** 2)
+                    pushed = max(pushed, whole * (1.0 - _AIMLESS / slowest) / across)
             factors[i] = max(factors[i], math.sqrt(pushed))
         # The mean of the parabola through where the interval begins, its middle, and where it ends.
         mean = (side[0] + 4.0 * side[2] + side[4]) / 6.0
         factors[i] = max(factors[i], math.sqrt(_peak(side[0], side[4], mean) / across))
+
+
+@kernel
+def _slowest(first: Array, last: Array, turn: float) -> float:
+    """The smallest speed between two twists (3,) after the body turned by `turn`, if it is between; 0 if it
+    is at either end."""
+    c, s = math.cos(turn), math.sin(turn)
+    wx = last[0] * c - last[1] * s - first[0]
+    wy = last[0] * s + last[1] * c - first[1]
+    square = wx * wx + wy * wy
+    if not 0.0 < -(first[0] * wx + first[1] * wy) < square:
+        return 0.0
+    return float(abs(first[0] * wy - first[1] * wx) / math.sqrt(square))
