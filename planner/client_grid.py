@@ -115,7 +115,7 @@ def phase_on_grid(
                 slower = np.maximum(np.cbrt(slips), _LEAST_SPREAD)
                 pace, before, locally = pace.spread(time, np.where(slips > 1.0, slower, 1.0)), None, True
             elif np.abs(miss).max() < _CLOSE or rolls == 0:
-                if np.abs(sampled.steering_angle).max() > limits.steering_angle * (1 + _SPARE):
+                if np.abs(sampled.steering_angle).max(initial=0.0) > limits.steering_angle * (1 + _SPARE):
                     raise LimitsInfeasible("on the grid the steering exceeds its largest angle")
                 return made
             else:
