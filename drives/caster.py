@@ -89,19 +89,25 @@ def _swung(
     q, q_rise, q0, q1 = p[i] * half, (p[i + 1] - p[i]) * half, dp[i] * (half * h), dp[i + 1] * (half * h)
     t, t_rise = -h / 2 * tangent[i, 2], -h / 2 * (tangent[i + 1, 2] - tangent[i, 2])
     t0, t1 = -h * h / 2 * change[i, 2], -h * h / 2 * change[i + 1, 2]
-    pieces = _steps(
-        max(_size(q, t), _size(q + q_rise, t + t_rise)),
-        max(_size(q_rise, t_rise), _size(q0, t0), _size(q1, t1)),
-        max(abs(t), abs(t + t_rise)),
-    )
+    pieces = 1
+    if q_rise != 0.0 or t_rise != 0.0 or q0 != 0.0 or q1 != 0.0 or t0 != 0.0 or t1 != 0.0 or abs(t) > 1.0:
+        pieces = _steps(
+            max(_size(q, t), _size(q + q_rise, t + t_rise)),
+            max(_size(q_rise, t_rise), _size(q0, t0), _size(q1, t1)),
+            max(abs(t), abs(t + t_rise)),
+        )
     for k in range(pieces):
         u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
         ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
         qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
-        gain = _magnus(ta.real, tb.real, qa, qb, 1.0 / pieces, back)
-        angle += 2 * math.atan2(gain.imag, gain.real)
-        turn = gain.conjugate() * gain.conjugate()
-        back *= turn / math.sqrt(turn.real * turn.real + turn.imag * turn.imag)
+        gain = _magnus(ta, tb, qa, qb, 1.0 / pieces, back)
+        half_turn = gain.imag / gain.real  # its tangent; the real part is positive
+        square = half_turn * half_turn
+        if square < 1e-3:  # to the last bit
+            angle += 2 * half_turn * (1 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square / 9))))
+        else:
+            angle += 2 * math.atan(half_turn)
+        back *= complex(1.0 - square, -2.0 * half_turn) / (1.0 + square)
         back *= 1.5 - 0.5 * (back.real * back.real + back.imag * back.imag)  # stays on the circle
     return angle, back
 
@@ -138,8 +144,10 @@ def _magnus(t1: float, t2: float, q1: complex, q2: complex, h: float, back: comp
     t = h / 2 * (t1 + t2) - 2 * skew * (q1 * q2.conjugate()).imag
     q = h / 2 * (q1 + q2) - 2j * skew * (t1 * q2 - t2 * q1)
     square = q.real * q.real + q.imag * q.imag - t * t
-    if abs(square) < 1e-3:  # tanh(√x)/√x, or tan where x < 0, to the last bit
-        factor = 1 - square * (1 / 3 - square * (2 / 15 - square * (17 / 315 - square * 62 / 2835)))
+    if (
+        abs(square) < 0.1
+    ):  # tanh(√x)/√x, or tan where x < 0, to the last bit: Padé's approximant [5/6] of tanh
+        factor = (10395 + square * (1260 + square * 21)) / (10395 + square * (4725 + square * (210 + square)))
     else:
         root = math.sqrt(abs(square))
         factor = (math.tanh(root) if square >= 0 else math.tan(root)) / root

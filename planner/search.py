@@ -142,7 +142,10 @@ class Search:
             # Routes that lead nowhere are not followed again once another search has found a way.
             guided = guided and not (found and self._is_misled())
             more = found and self.allowance is not None
-            if more and not guided and name != HYBRID:
+            if more and name == HYBRID:  # see narrow
+                turn += 1
+                continue
+            if more and not guided:
                 # Other ways are found by chance, at once, rather than by patience.
                 name, work, _ = _TURNS[0]
             if self.allowance is not None:
