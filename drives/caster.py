@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drives.drive import ActuatorPath, BodyPath
 from drives.kernels import kernel
@@ -75,8 +76,8 @@ def _swung(
     s: Array,
     tangent: Array,
     change: Array,
-    p: Array,
-    dp: Array,
+    p: NDArray[np.complex128],
+    dp: NDArray[np.complex128],
     offset: float,
     angle: float,
     back: complex,
@@ -100,7 +101,7 @@ def _swung(
         u, v = (k + 0.5 - _GAUSS) / pieces, (k + 0.5 + _GAUSS) / pieces
         ta, tb = _cubic(t, t_rise, t0, t1, u), _cubic(t, t_rise, t0, t1, v)
         qa, qb = _cubic(q, q_rise, q0, q1, u), _cubic(q, q_rise, q0, q1, v)
-        gain = _magnus(ta, tb, qa, qb, 1.0 / pieces, back)
+        gain = _magnus(ta.real, tb.real, qa, qb, 1.0 / pieces, back)
         half_turn = gain.imag / gain.real  # its tangent; the real part is positive
         square = half_turn * half_turn
         if square < 1e-3:  # to the last bit

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from drives.drive import Car, Holonomic, InadmissibleTwist, Limits, Unicycle
+from drives.drive import Car, Holonomic, InadmissibleTwist, Unicycle
 from drives.se2 import Array, Pose
 from planner.client_grid import phase_on_grid
 from planner.corridor import cover, half_planes, hull
@@ -38,6 +38,7 @@ from planner.retime import hastened
 from planner.shape import Shape
 from planner.stopwatch import now
 from planner.trajectory import Flowing, Phase, Phases, Steer
+from planner.usage import slow_factor
 
 __all__ = ["Optimizer"]
 
@@ -136,7 +137,7 @@ class Optimizer:
             return window
         try:
             given = window if window.steering is not None else replace(window, steering=self.problem.steering)
-            slower = _excess(
+            slower = slow_factor(
                 Phases(self.problem.robot.drive, (given,)), window.time, self.problem.robot.limits
             )
         except InadmissibleTwist:
@@ -382,7 +383,7 @@ class Optimizer:
         drive, limits = self.problem.robot.drive, self.problem.robot.limits
         tried: list[Phase] = [run]
         if self._is_jerk_limited:
-            slower = run.slowed(_excess(Phases(drive, (run,)), run.time, limits))
+            slower = run.slowed(slow_factor(Phases(drive, (run,)), run.time, limits))
             retimed = hastened(Phases(drive, (slower,)), limits, partial(self.is_over, 0.0)).phases
             tried = [*retimed, *(slower for phase in retimed if phase is not slower)]
         radius = self.problem.options.turning_radius if self._coordinates == "car" else 0.0
@@ -411,38 +412,3 @@ def _between(values: Array, shares: Array) -> Array:
     fine[::2] = values
     fine[1::2] = values[:-1] + (shares * np.diff(values, axis=0).T).T
     return fine
-
-
-def _excess(motion: Phases, knots: Array, limits: Limits) -> float:
-    """By what factor a motion must be slowed to keep all limits; less than 1 where it may go faster."""
-    h = np.diff(knots)[:, None]
-    # Just after a knot, between, and just before the next; slow, a body, or a caster, turns in little time.
-    points = 17 if motion.drive.rolling_law().trail > 0 or limits.lateral_acceleration < math.inf else 5
-    inside = (knots[:-1, None] + h * np.linspace(1e-6, 1 - 1e-6, points)).ravel()
-    sampled = motion.sample(np.concatenate([[0.0], inside, knots[-1:]]))
-    # Velocity in the world, as complex numbers.
-    travel = (sampled.twist[:, 0] + 1j * sampled.twist[:, 1]) * np.exp(1j * sampled.pose[:, 2])
-    speed = np.abs(travel)
-    step = np.diff(sampled.time)
-    within = step > 0.01 * h.min()
-    # Acceleration across the direction of travel: means, and exactly where the robot goes where it points.
-    both = speed[:-1] + speed[1:] + 1e-9
-    across = np.abs((np.conj(travel[:-1] + travel[1:]) * np.diff(travel)).imag) / both
-    bend = np.where(sampled.twist[:, 1] == 0, np.abs(sampled.twist[:, 0] * sampled.twist[:, 2]), 0.0)
-
-    def changes(values: Array) -> Array:
-        slopes: Array = np.abs(np.diff(values, axis=0)[within].T / step[within])
-        return slopes.T
-
-    orders = (
-        (1, np.abs(sampled.wheel_velocity) / limits.wheel_speed),
-        (1, np.abs(sampled.steering_rate) / limits.steering_rate),
-        (1, speed / limits.linear_speed),
-        (1, np.abs(sampled.twist[:, 2]) / limits.angular_speed),
-        (2, np.abs(sampled.wheel_acceleration[1:-1]) / limits.wheel_acceleration),
-        (2, changes(speed) / limits.linear_acceleration),
-        (2, bend / limits.lateral_acceleration),
-        (2, across[within] / step[within] / limits.lateral_acceleration),
-        (3, changes(sampled.wheel_acceleration) / limits.wheel_jerk),
-    )
-    return max(math.pow(np.max(over, initial=0.0), 1 / order) for order, over in orders)

@@ -42,7 +42,6 @@ Area: TypeAlias = tuple[float, float, float, float]
 
 _OfPose: TypeAlias = Callable[[float, float, float], tuple[float, float, float]]
 
-
 HYBRID = "HybridAStar"
 _TURNS: tuple[tuple[str, int, bool], ...] = (
     ("RRTConnect", 150, False),

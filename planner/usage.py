@@ -10,8 +10,9 @@ from drives.drive import Drive, Holonomic, Limits
 from drives.se2 import Array
 from planner.kernels import kernel
 from planner.schedule import WheelSchedule
+from planner.trajectory import Phases
 
-__all__ = ["rolled", "slow_factors"]
+__all__ = ["rolled", "slow_factor", "slow_factors"]
 
 _ROOTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _SHARES / 2
@@ -61,6 +62,44 @@ def slow_factors(made: WheelSchedule, drive: Drive, limits: Limits) -> Array:
             turns_aside = isinstance(drive.mobility(limits), Holonomic)
             _pushes(np.diff(made.time), twist, *pushes, turns_aside, factors)
     return factors
+
+
+def slow_factor(motion: Phases, knots: Array, limits: Limits) -> float:
+    """By what factor a motion must be slowed to keep all limits; less than 1 if it may go faster.
+
+    knots (n,) s: times between which it is smooth.
+    """
+    h = np.diff(knots)[:, None]
+    # Just after a knot, between, and just before the next; slow, a body, or a caster, turns in little time.
+    points = 17 if motion.drive.rolling_law().trail > 0 or limits.lateral_acceleration < math.inf else 5
+    inside = (knots[:-1, None] + h * np.linspace(1e-6, 1 - 1e-6, points)).ravel()
+    sampled = motion.sample(np.concatenate([[0.0], inside, knots[-1:]]))
+    # Velocity in the world, as complex numbers.
+    travel = (sampled.twist[:, 0] + 1j * sampled.twist[:, 1]) * np.exp(1j * sampled.pose[:, 2])
+    speed = np.abs(travel)
+    step = np.diff(sampled.time)
+    within = step > 0.01 * h.min()
+    # Acceleration across the direction of travel: means, and exactly where the robot goes where it points.
+    both = speed[:-1] + speed[1:] + 1e-9
+    across = np.abs((np.conj(travel[:-1] + travel[1:]) * np.diff(travel)).imag) / both
+    bend = np.where(sampled.twist[:, 1] == 0, np.abs(sampled.twist[:, 0] * sampled.twist[:, 2]), 0.0)
+
+    def changes(values: Array) -> Array:
+        slopes: Array = np.abs(np.diff(values, axis=0)[within].T / step[within])
+        return slopes.T
+
+    orders = (
+        (1, np.abs(sampled.wheel_velocity) / limits.wheel_speed),
+        (1, np.abs(sampled.steering_rate) / limits.steering_rate),
+        (1, speed / limits.linear_speed),
+        (1, np.abs(sampled.twist[:, 2]) / limits.angular_speed),
+        (2, np.abs(sampled.wheel_acceleration[1:-1]) / limits.wheel_acceleration),
+        (2, changes(speed) / limits.linear_acceleration),
+        (2, bend / limits.lateral_acceleration),
+        (2, across[within] / step[within] / limits.lateral_acceleration),
+        (3, changes(sampled.wheel_acceleration) / limits.wheel_jerk),
+    )
+    return max(math.pow(np.max(over, initial=0.0), 1 / order) for order, over in orders)
 
 
 def rolled(made: WheelSchedule, drive: Drive, turning_radius: float = 0.0) -> tuple[Array, Array]:
