@@ -99,13 +99,13 @@ class Optimizer:
             guess = self._guess(motion, knot_count(motion, drive, limits, math.inf))
             n = len(guess.time) - 1
             found = self._solve(guess, self._begin(guess), np.zeros((2 * n, 0, 5)), np.full(n, 0.5))
-            made = None if found is None else self._made(found)
+            made = None if found is None else self._made(most, found)
             if made is not None:
                 return made if made.duration < most else None
         knots = knot_count(motion, drive, limits)
         best = motion
         for _ in range(rounds):
-            near = self._near(best, knots)
+            near = self._near(best, knots, most)
             if near is None or near.duration >= most:
                 break
             done = near.duration > _GAIN * _duration(best)
@@ -114,14 +114,15 @@ class Optimizer:
                 break
         return best if isinstance(best, Phases) and best is not motion else None
 
-    def _near(self, motion: Phases | Curves, knots: int) -> Phases | None:
-        """The fastest free motion on the same side of all obstacles as a free one, or None."""
+    def _near(self, motion: Phases | Curves, knots: int, most: float) -> Phases | None:
+        """The fastest free motion on the same side of all obstacles as a free one, or None. One that takes
+        longer than `most` (s) may be left out."""
         guess = self._guess(motion, knots)
         begin = self._begin(guess)
-        made = self._in_corridor(guess, begin, self._made) if knots <= KNOTS[-1] else None
+        made = self._in_corridor(guess, begin, partial(self._made, most)) if knots <= KNOTS[-1] else None
         if made is None and knots > WINDOW:
             runs = receding(guess, begin, self.problem.robot, self._window)
-            made = None if runs is None else self._made(*runs)
+            made = None if runs is None else self._made(most, *runs)
         return made
 
     def _window(self, guess: Guess, begin: State) -> Flowing | None:
@@ -353,11 +354,13 @@ class Optimizer:
             self._coordinates == "car", begin.angles if len(begin.angles) else None, limits.steering_angle,
         )  # fmt: skip
 
-    def _made(self, *runs: Flowing) -> Phases | None:
+    def _made(self, most: float, *runs: Flowing) -> Phases | None:
         """Motions one after the other on the client's grid, within all limits, retimed if jerk is limited,
-        and preceded by the steering at rest that each needs. None if that is not free, or too slow."""
+        and preceded by the steering at rest that each needs. None if that is not free, too slow, or takes
+        longer than `most` (s) before."""
         drive, limits, steering = self.problem.robot.drive, self.problem.robot.limits, self.problem.steering
-        if not all(self._is_free(run) for run in runs):
+        most = min(most, self.problem.options.max_samples * self._period)
+        if sum(run.duration for run in runs) > most or not all(self._is_free(run) for run in runs):
             return None
         phases: list[Phase] = []
         try:
