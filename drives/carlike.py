@@ -59,6 +59,10 @@ class CarLike(Drive):
         return (*self.steered_names, "rear_left", "rear_right")
 
     def rolling_law(self) -> Rolling:
+        return self._rolling_law
+
+    @cached_property
+    def _rolling_law(self) -> Rolling:
         x, y = self._points
         steered = np.arange(len(x)) < len(self._front)
         rows = np.stack([np.ones_like(y), np.zeros_like(y), -y], -1) / self.wheel_radius

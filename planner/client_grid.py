@@ -35,7 +35,7 @@ _SLOWEST, _SLOWEST_FLOWING = 100.0, 4.0
 """How many times as long a phase may take on the grid, and a Flowing one, in whose place another may do."""
 _EXACT, _SPARE = 2e-4, 1e-4
 """Share of a limit that may be exceeded, and by which a phase is slowed down more than it exceeds one."""
-_LOCAL, _MUCH = 0.5, 0.001
+_LOCAL, _MUCH = 0.5, 0.004
 """If limits are exceeded by more than the second share at worst, and by less than the first share of that on
 average, the motion is slowed down only there."""
 _LAST_STEP = 0.05
@@ -73,7 +73,7 @@ def phase_on_grid(
         return _steered(phase, limits.steering_rate, period, whole)
     if isinstance(phase, Driven) and phase.law is not None and len(phase.grid) == 2:
         return _evenly_driven(phase, phase.law, limits, period, whole)
-    given, jerk_limited = given_phase(phase), bool(np.isfinite(limits.wheel_jerk).any())
+    given, jerk_limited = given_phase(phase, drive), bool(np.isfinite(limits.wheel_jerk).any())
     least = 3 if jerk_limited or isinstance(given, Flowing) else 2
     pace = Pace(np.array([0.0, phase.duration]), np.array([0.0, phase.duration]))
     goal = given.poses(given.time)[-1] if isinstance(given, Flowing) else np.zeros(3)
@@ -88,7 +88,7 @@ def phase_on_grid(
             break
         time = _times(pace.duration, period, whole or jerk_limited, least)
         pace = pace.slowed(time[-1] / pace.duration)
-        spread = Spread(phase, time, pace, drive, jerk_limited, aim)
+        spread = Spread(phase, given, time, pace, drive, jerk_limited, aim)
         made = spread.over()
         sampled = Phases(drive, (made,)).sample(time)
         factors = slow_factors(sampled, drive, limits)

@@ -19,7 +19,7 @@ from planner.trajectory import Driven, Flowing, Phase, Phases, Profile, Warped
 
 __all__ = ["Pace", "Spread", "followed", "given_phase", "profile_of"]
 
-_CORRECTIONS, _MISS = 5, 1e-8
+_CORRECTIONS, _MISS = 5, 1e-7
 """How often the end is corrected, and the miss (m, rad) that needs no correction."""
 _AROUND = 2
 """Samples before and after those between which wheels slip, where the motion is slowed down, too."""
@@ -59,18 +59,25 @@ class Pace:
         return Pace(self(time), np.append(0.0, np.cumsum(np.diff(time) * smooth)))
 
 
-def given_phase(phase: Phase) -> Phase:
-    """The phase that is followed at other times, if one is."""
+def given_phase(phase: Phase, drive: Drive) -> Phase:
+    """The phase that is followed at other times, if one is. Of a Flowing one, steered wheels are said to
+    stand before where they begin, so that its like takes the same branches of their steering angles (see
+    Drive.actuators), whatever keeps them within the limit."""
     while isinstance(phase, Warped):
         phase = phase.phase
+    if isinstance(phase, Flowing) and drive.steers_at_rest:
+        begin = Phases(drive, (phase,)).sample(np.zeros(1))
+        return replace(phase, steering=begin.steering_angle[0], steering_limit=math.inf)
     return phase
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spread:
-    """A phase, spread over the times (n + 1,) of samples at a pace. aim (3,): where a Flowing one ends."""
+    """A phase, spread over the times (n + 1,) of samples at a pace. given: its given_phase; aim (3,): where a
+    Flowing one ends."""
 
     phase: Phase
+    given: Phase
     time: Array
     pace: Pace
     drive: Drive
@@ -79,26 +86,18 @@ class Spread:
 
     def over(self) -> Phase:
         """The phase whose velocities are splines."""
-        match given_phase(self.phase):
+        match self.given:
             case Driven() as given:
                 quadratic = self.jerk_limited and self._rolls(given)
                 return replace(given, profile=followed(self.phase, self.time, self.pace, quadratic))
             case Flowing() as given:
-                return self._flowing(self._branched(given))
+                return self._flowing(given)
         raise TypeError(f"{type(self.phase).__name__} has no velocities to put on a grid")
 
     def _rolls(self, given: Driven) -> bool:
         """Whether a wheel turns."""
         ends = given.piece.body_path(np.array([0.0, 1.0]))
         return bool(self.drive.actuators(ends, given.steering).wheel.any())
-
-    def _branched(self, given: Flowing) -> Flowing:
-        """The phase, wheels said to stand before where they begin, so that its like takes the same branches
-        of their steering angles (see Drive.actuators), whatever keeps them within the limit."""
-        if not self.drive.steers_at_rest:
-            return given
-        begin = Phases(self.drive, (given,)).sample(np.zeros(1))
-        return replace(given, steering=begin.steering_angle[0], steering_limit=math.inf)
 
     def _flowing(self, given: Flowing) -> Flowing:
         """A motion whose coordinates are splines on the grid."""
