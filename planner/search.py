@@ -131,7 +131,7 @@ class Search:
 
     def paths(self, clock: Any) -> Iterator[tuple[str, Path]]:
         """Name of the planner and path, one after the other, until clock() says that time is up."""
-        turn, found = 0, any(each["outcome"] == "solved" for each in self.tried)
+        turn, found = 0, sum(each["outcome"] == "solved" for each in self.tried)
         while not clock() and (self.allowance is None or self.work < self.allowance):
             again, place = divmod(max(turn - len(_TURNS), -_REPEATED) + _REPEATED, _REPEATED)
             name, work, guided = _TURNS[turn] if again == 0 else _TURNS[place - _REPEATED]
@@ -140,11 +140,11 @@ class Search:
                 name = _TURNS[0][0]  # BKPIECE1 takes motions to be as free the other way round
             # Routes that lead nowhere are not followed again once another search has found a way.
             guided = guided and not (found and self._is_misled())
-            more = found and self.allowance is not None
-            if more and name == HYBRID:  # see narrow
+            more = found > 0 and self.allowance is not None
+            if more and found > 1 and name == HYBRID:  # the passages are not narrow
                 turn += 1
                 continue
-            if more and not guided:
+            if more and not guided and name != HYBRID:
                 # Other ways are found by chance, at once, rather than by patience.
                 name, work, _ = _TURNS[0]
             if self.allowance is not None:
@@ -163,7 +163,7 @@ class Search:
             else:
                 path = self._solve(name, self.seed + turn - 1, work, clock, route, goal, turn == 1 or more)
             if path is not None:
-                found = True
+                found += 1
                 yield name, path
             elif turn == 1 and not found:
                 self.doubt()
