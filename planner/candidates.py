@@ -39,8 +39,6 @@ _PATIENCE = 180
 """Iterations of the optimizer where all that took fewer was in vain."""
 _WORK = 1200
 """Motions that may be checked to find other ways than direct ones."""
-_WINDING, _NARROW = 6, 500
-"""Pieces of a way found by chance from which on hybrid A* looks for another, and its work."""
 _DETOUR = 1.5
 """At effort first, how much longer than the crow flies a way is where others are looked for."""
 _OVER, _HOPE = 1.05, 0.97
@@ -279,13 +277,6 @@ def _ways(
         shorter = shorten(path, local, rough=True, fits=planner == HYBRID)
         watch.lap("shorten")
         yield _Way(planner, shorter, path)
-        if count == 1 and not direct and planner != HYBRID and len(shorter) > _WINDING:
-            # A passage that takes so many pieces is narrow.
-            narrow = search.narrow(_NARROW, watch.is_over)
-            watch.lap("search")
-            if narrow is not None:
-                yield _Way(HYBRID, shorten(narrow, local, fits=True), narrow)
-                watch.lap("shorten")
         turns_back = turns_back and reversals(shorter) > 0
         if count >= (most if turns_back else few):
             return

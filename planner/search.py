@@ -195,14 +195,6 @@ class Search:
         self._tell(_ROADMAP, True, None, checked, path is not None)
         return path
 
-    def narrow(self, work: int, clock: Any) -> Path | None:
-        """A path through narrow passages, by as much work at most, which the allowance does not include."""
-        before = self.work
-        path = self._hybrid(self.goals[0], work, clock)
-        if self.allowance is not None:
-            self.allowance += self.work - before
-        return path
-
     def _hybrid(self, goal: Pose, work: int, clock: Any) -> Path | None:
         """A path by hybrid A*, its cells as fine as this much work allows, and clock(s) leaves time for."""
         connector, limits, limit = self.connector, self.connector.robot.limits, min(work * _CHEAP, _MOST)
