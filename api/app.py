@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import math
-import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
-from threading import Thread
 from typing import Any
 
-import numpy as np
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
@@ -38,7 +34,6 @@ from api.convert import to_problem
 from api.errors import Refusal, problem_response
 from api.factsheet import Factsheet
 from api.fair_queue import Ticket
-from api.log import log
 from api.maps import MapStore
 from api.metrics import Metrics
 from api.middleware import Envelope, Gate
@@ -50,9 +45,7 @@ from api.spool import whole
 from api.tokens import OPEN, Guard, Tokens
 from api.validation import validated
 from api.workers import local_pool
-from planner.environment import check_simple_polygon
 from planner.errors import PlanningError
-from planner.kernels import make_ready
 from planner.problem import Problem as PlanProblem
 
 __all__ = ["create_app", "scheduler_of"]
@@ -68,9 +61,6 @@ _ROUTES = (
     routes_page,
 )
 
-_PROGRESS = 5.0
-"""Seconds between two lines about the compilation of kernels."""
-
 
 def create_app(settings: Settings, pool: Scheduler[Any] | None = None) -> FastAPI:
     """The service as an ASGI application. The pool is started and closed with it."""
@@ -81,7 +71,6 @@ def create_app(settings: Settings, pool: Scheduler[Any] | None = None) -> FastAP
         app.state.maps.sweep()
         workers.start()
         app.state.batches.start()
-        Thread(target=_warm_up, daemon=True).start()
         yield
         await app.state.batches.close()
         await workers.close()
@@ -140,24 +129,6 @@ def scheduler_of(settings: Settings) -> Scheduler[Any]:
     return Cluster(
         address, settings.queue_length, settings.queue_wait, settings.queue_timeout, settings.worker_memory
     )
-
-
-def _warm_up() -> None:
-    """Compiles the kernels if the cache lacks them, and loads those that the server itself calls."""
-    make_ready(_log_progress())
-    check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-
-
-def _log_progress() -> Callable[[int, int], None]:
-    last = -math.inf
-
-    def progress(done: int, total: int) -> None:
-        nonlocal last
-        if done == total or time.monotonic() - last > _PROGRESS:
-            last = time.monotonic()
-            log(event="compiling kernels", done=done, total=total)
-
-    return progress
 
 
 def _batches(app: FastAPI, scheduler: Scheduler[Any]) -> Batches:

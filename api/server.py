@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import resource
 import socket
+import time
+from collections.abc import Callable
+from threading import Thread
 from types import FrameType
 
+import numpy as np
 import uvicorn
 from fastapi import FastAPI
 
@@ -15,11 +20,17 @@ from api.log import log, logging_to_stderr
 from api.protocol import Protocol
 from api.settings import Settings
 from api.worker import adopt_orphans, stop_fork_server
+from planner.environment import check_simple_polygon
+from planner.kernels import make_ready
 
 __all__ = ["serve"]
 
 _OTHER_FILES = 256
 """Open files besides those of connections: pipes to workers, maps, logs. A connection may have a spool."""
+
+
+_PROGRESS = 5.0
+"""Seconds between two lines about the compilation of kernels."""
 
 
 def serve(settings: Settings) -> int:
@@ -66,6 +77,24 @@ def _allow_files(count: int) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))
 
 
+def _warm_up() -> None:
+    """Compiles the kernels if the cache lacks them, and loads those that the server itself calls."""
+    make_ready(_log_progress())
+    check_simple_polygon(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+
+
+def _log_progress() -> Callable[[int, int], None]:
+    last = -math.inf
+
+    def progress(done: int, total: int) -> None:
+        nonlocal last
+        if done == total or time.monotonic() - last > _PROGRESS:
+            last = time.monotonic()
+            log(event="compiling kernels", done=done, total=total)
+
+    return progress
+
+
 class _Server(uvicorn.Server):
     """A first SIGTERM or SIGINT lets the plans in flight finish while probes still get their answers, and the
     exit status is 0. A second one stops at once."""
@@ -84,6 +113,7 @@ class _Server(uvicorn.Server):
         for server in self.servers if self.started else ():
             host, port, *_ = server.sockets[0].getsockname()
             log(event="listening", host=host, port=port)
+        Thread(target=_warm_up, daemon=True).start()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         # Not uvicorn's own: it stops listening at once, and in the end raises the signal again.

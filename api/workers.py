@@ -184,9 +184,10 @@ class Pool(Scheduler[_Job]):
                 answer.set_exception(Refusal("draining", "Stopped by a shutdown.", retry_after=RETRY_AFTER))
 
     def kill(self) -> None:
-        for worker in self._workers:
+        workers = tuple(self._workers)  # a thread may be adding one
+        for worker in workers:
             worker.kill()
-        for worker in self._workers:
+        for worker in workers:
             worker.join()
         if self._starting:
             stop_fork_server()
