@@ -284,7 +284,8 @@ def _pushes(
                 slowest = _slowest(twist[at + k], twist[at + k + 1], turn)
                 if slowest > _AIMLESS:
                     whole = math.sqrt((dx - omega * vy) ** 2 + (dy + omega * vx) ** 2)
-                    pushed = max(pushed, whole * (1.0 - _AIMLESS / slowest) / across)
+                    known = 1.0 if slowest > 2.0 * _AIMLESS else 1.0 - _AIMLESS / slowest
+                    pushed = max(pushed, whole * known / across)
             factors[i] = max(factors[i], math.sqrt(pushed))
         # The mean of the parabola through where the interval begins, its middle, and where it ends.
         mean = (side[0] + 4.0 * side[2] + side[4]) / 6.0
