@@ -60,9 +60,9 @@ class Pace:
 
 
 def given_phase(phase: Phase, drive: Drive) -> Phase:
-    """The phase that is followed at other times, if one is. Of a Flowing one, steered wheels are said to
-    stand before where they begin, so that its like takes the same branches of their steering angles (see
-    Drive.actuators), whatever keeps them within the limit."""
+    """The phase that is followed at other times, if one is. A Flowing one gets the steering that it begins
+    with, so that the motion on the grid takes the same branch of every steering angle (see Drive.actuators).
+    """
     while isinstance(phase, Warped):
         phase = phase.phase
     if isinstance(phase, Flowing) and drive.steers_at_rest:
@@ -271,8 +271,8 @@ def _assembled(given: Flowing, time: Array, controls: list[Array], kind: _Coordi
 
 
 def _start_calmly(column: Array) -> None:
-    """Take from a column's control points (n,), until it comes back to zero, what makes it begin without a
-    slope."""
+    """Make a column of control points (n,) begin with slope zero: subtract the first one after the start, and
+    ever less of it from those that follow, until the column is as near to zero again."""
     first = float(column[1])
     back = np.flatnonzero(column[1:] * np.sign(first) < abs(first))
     size = int(back[0]) if len(back) else len(column) - 1
