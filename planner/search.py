@@ -141,7 +141,7 @@ class Search:
             # Routes that lead nowhere are not followed again once another search has found a way.
             guided = guided and not (found and self._is_misled())
             more = found > 0 and self.allowance is not None
-            if more and found > 1 and name == HYBRID:  # the passages are not narrow
+            if more and found > 1 and name == HYBRID:  # it is for narrow passages
                 turn += 1
                 continue
             if more and not guided and name != HYBRID:

@@ -70,7 +70,7 @@ def slow_factor(motion: Phases, knots: Array, limits: Limits) -> float:
     knots (n,) s: times between which it is smooth.
     """
     h = np.diff(knots)[:, None]
-    # Just after a knot, between, and just before the next; slow, a body, or a caster, turns in little time.
+    # From just after each knot to just before the next. A slow body and a caster turn quickly: more points.
     points = 17 if motion.drive.rolling_law().trail > 0 or limits.lateral_acceleration < math.inf else 5
     inside = (knots[:-1, None] + h * np.linspace(1e-6, 1 - 1e-6, points)).ravel()
     sampled = motion.sample(np.concatenate([[0.0], inside, knots[-1:]]))
@@ -79,7 +79,7 @@ def slow_factor(motion: Phases, knots: Array, limits: Limits) -> float:
     speed = np.abs(travel)
     step = np.diff(sampled.time)
     within = step > 0.01 * h.min()
-    # Acceleration across the direction of travel: means, and exactly where the robot goes where it points.
+    # Acceleration across the direction of travel: its means, and its exact value if the robot drives ahead.
     both = speed[:-1] + speed[1:] + 1e-9
     across = np.abs((np.conj(travel[:-1] + travel[1:]) * np.diff(travel)).imag) / both
     bend = np.where(sampled.twist[:, 1] == 0, np.abs(sampled.twist[:, 0] * sampled.twist[:, 2]), 0.0)
